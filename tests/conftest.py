@@ -1,7 +1,7 @@
-"""The same examples every time, and none remembered; whose branches are counted; real time.
+"""Settings of all tests: repeatable Hypothesis examples, branch coverage, tests in real time.
 
-Counting branches makes Python code 2.7 times slower. It is done in the tests of the packages
-without I/O alone: not in their long flights, and in most folders only in the first case of a test.
+Counting branches makes Python code 2.7 times slower. Only tests of the packages without I/O count
+them: not their long flights, and in most folders only the first case of a test.
 """
 
 from __future__ import annotations

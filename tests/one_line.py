@@ -1,4 +1,4 @@
-"""What a command that cannot be carried out tells its user: one line, and nothing else."""
+"""The output of a command that cannot be carried out: one line, and nothing else."""
 
 from __future__ import annotations
 

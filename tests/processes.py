@@ -13,9 +13,9 @@ ROOT = Path(__file__).parents[1]
 
 @contextlib.contextmanager
 def process(module, *arguments, environment=None, **options):
-    """A module as a process whose words are read from pipes as text, unless `options` say else.
+    """A module as a process. Its output is read from pipes as text, unless `options` differ.
 
-    environment: more variables than our own. What still runs in the end is killed.
+    environment: additional variables. A process that still runs at the end is killed.
     """
     with subprocess.Popen(
         [sys.executable, "-m", module, *map(str, arguments)],

@@ -1,11 +1,11 @@
 """Flights in real time, on a machine that may not keep time itself.
 
-A virtual machine is now and then not scheduled for a second, and the service then lets go of the
-aircraft, as it must; what it does after a pause is tested exactly, in lockstep. A test in real time
-that fails while the machine stood still has shown nothing: it is flown again, and skipped when that
-happens each time. One that fails on a machine that kept time has failed.
+A virtual machine is sometimes not scheduled for a second. The service then releases the aircraft,
+as it must; lockstep tests check its behaviour after a pause exactly. A test in real time that fails
+while the machine was paused proves nothing. It is flown again, and skipped if the machine pauses
+each time. A test that fails on a machine without pauses has failed.
 
-As a program it is the witness: it looks at the clock on each processor, and says when it was late.
+As a program this module is the witness: it reads the clock on each processor and prints its delays.
 """
 
 from __future__ import annotations

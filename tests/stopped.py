@@ -1,4 +1,4 @@
-"""Pipes and disks that stand still: who writes to one waits until somebody lets it go on."""
+"""Stalled pipes and disks: a writer waits until the test resumes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PATIENCE_S = 20.0
 
 
 class Stopped:
-    """A pipe that is full, and that nobody reads before it is let go on."""
+    """A full pipe that is not read before the test resumes it."""
 
     def __init__(self, reading, writing):
         self.writing = writing
@@ -37,9 +37,9 @@ class Stopped:
             self._thread.start()
 
     def rest(self):
-        """Bytes that were written, once it is resumed and nobody has it open any more.
+        """Bytes that were written, once the pipe is resumed and all its writers have closed it.
 
-        Fails when somebody stood still with it until the test went on without him.
+        Fails if the pipe had to be resumed by the timeout.
         """
         self.go_on()
         os.close(self.writing)
@@ -62,7 +62,7 @@ class Stopped:
 
 
 def stopped_pipe():
-    """A pipe that stands still."""
+    """A stalled pipe."""
     return Stopped(*os.pipe())
 
 
@@ -79,7 +79,7 @@ def make_recordings(monkeypatch, make):
 
 
 def stop_recordings(monkeypatch):
-    """Have the packets of flights go to disks that stand still; these, once there are any."""
+    """Record the packets of flights to stalled disks. Return their list, which grows."""
     disks = []
 
     def make(folder):

@@ -50,14 +50,14 @@ def raising(error):
     return command
 
 
-def test_plan_as_a_user_runs_it():
+def test_plan_runs_as_a_program():
     result = run(*PLAN)
     assert result.returncode == 0
     assert result.stderr == ""
     assert "315 kV double circuit: inspection of splice-outer: found" in result.stdout
 
 
-def test_an_error_as_a_user_sees_it():
+def test_an_error_of_the_program_is_one_line():
     result = run("plan", "no/such/site.yaml", "--mission", "inspection")
     assert result.returncode == 2
     assert result.stdout == ""
@@ -120,7 +120,7 @@ def test_wrong_usage_is_one_line_and_status_2(argv, words, capsys, configs):
         (ZeroDivisionError("so\nwhat"), 1, "unexpected error: ZeroDivisionError: so what"),
     ],
 )
-def test_no_traceback_whatever_a_command_raises(error, status, line, monkeypatch, capsys):
+def test_no_error_of_a_command_prints_a_traceback(error, status, line, monkeypatch, capsys):
     monkeypatch.setattr(cli, "_run", raising(error))
     assert cli.main([]) == status
     assert capsys.readouterr().err == (f"moar-companion: {line}\n" if line else "")
@@ -149,7 +149,7 @@ def test_the_service_without_options_has_the_shipped_vehicle_as_flown(configs):
     ]
 
 
-def test_the_command_line_lies_over_the_file(configs, tmp_path):
+def test_the_command_line_overrides_the_file(configs, tmp_path):
     file = tmp_path / "companion.yaml"
     file.write_text(
         "vehicle: a.yaml\nsite: b.yaml\nlinks: [{url: 'udp:h:1'}]\nsetpoint_rate_hz: 20.0\n"

@@ -55,7 +55,7 @@ def test_every_key_but_the_vehicle_has_a_default(tmp_path: Path) -> None:
     assert not config.resume
 
 
-def test_every_key(tmp_path: Path) -> None:
+def test_every_key_is_read(tmp_path: Path) -> None:
     text = """\
 vehicle: /etc/moar/vehicle.yaml
 site: sites/span.yaml
@@ -137,12 +137,12 @@ def test_a_key_in_place_of_the_name_of_its_file_is_refused_without_being_shown(
 @pytest.mark.parametrize(
     "signing", ["{}", "{{key_file: ' {}'}}", "{{key: {}}}", "{{{}: 1}}", "{{credential: [{}]}}"]
 )
-def test_no_error_shows_what_may_be_a_key(signing: str, tmp_path: Path) -> None:
+def test_no_error_shows_a_text_that_may_be_a_key(signing: str, tmp_path: Path) -> None:
     problem = refusal(f"vehicle: v.yaml\nsigning: {signing.format(DIGITS)}\n", tmp_path)
     assert DIGITS[:8] not in problem
 
 
-def test_no_links_are_for_the_command_line_to_give(tmp_path: Path) -> None:
+def test_a_configuration_without_links_takes_those_of_the_command_line(tmp_path: Path) -> None:
     assert load("vehicle: v.yaml\nlinks: []\n", tmp_path).links == ()
 
 

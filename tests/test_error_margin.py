@@ -1,4 +1,4 @@
-"""The margin: what is kept from obstacles beyond their keep-outs, and who says how much."""
+"""The margin: distance to obstacles beyond their keep-outs, and the source of its size."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ def with_tracking(tracking_m):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_is_what_the_autopilot_was_seen_to_need(kind):
+def test_the_margin_is_the_measured_error_of_the_autopilot(kind):
     assert margin_of(replace(X500, autopilot=kind), Supervision()) == seen_margin(kind)
 
 
 @pytest.mark.parametrize("kind", [None, autopilots.UNKNOWN])
-def test_of_an_autopilot_that_is_not_known_it_is_the_greatest(kind):
+def test_the_margin_of_an_unknown_autopilot_is_the_greatest(kind):
     assert seen_margin(kind) == max(map(seen_margin, KINDS), key=lambda margin: margin.total_m)
 
 
-def test_what_was_measured_counts_instead():
+def test_a_measured_error_replaces_the_default():
     limits = Supervision(position_uncertainty_m=0.1)
     assert margin_of(with_tracking(0.3), limits) == Margin(position_m=0.1, tracking_m=0.3)
 
@@ -52,7 +52,7 @@ def test_from_every_obstacle_the_margin_is_kept_beyond_its_own_keep_out():
     assert least_m >= X500.radius_m + 0.25 + 2.55 - 1e-6
 
 
-def test_the_collision_cost_and_the_speed_limit_take_the_aircraft_for_nearer():
+def test_the_collision_cost_and_the_speed_limit_include_the_margin():
     flown, planned = (
         Planner(site, X500).maps for site in (flown_site(SITE, X500, Supervision()), SITE)
     )
@@ -91,7 +91,7 @@ def inspection_of(target):
         (1.0, "there is one without position error 1.4 m, tracking error 1.15 m"),
     ],
 )
-def test_a_denial_says_which_part_of_it_takes_the_room(standoff_m, words):
+def test_a_denial_names_the_part_of_the_margin_that_causes_it(standoff_m, words):
     conductor = SITE.obstacles[3]
     x_m, z_m = conductor.position_m
     near = replace(SITE.targets[0], position_m=(x_m + conductor.radius_m + standoff_m, z_m))
@@ -101,7 +101,7 @@ def test_a_denial_says_which_part_of_it_takes_the_room(standoff_m, words):
     assert answer.detail.endswith(words)
 
 
-def test_where_no_margin_is_to_blame_none_is_named():
+def test_a_denial_that_no_margin_causes_names_none():
     inside = replace(SITE.targets[0], position_m=SITE.obstacles[3].position_m)
     answer = inspection_of(inside)
     assert "margin" not in answer.reason

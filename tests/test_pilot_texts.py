@@ -138,7 +138,7 @@ def test_a_name_that_fits_is_kept_whole_and_a_longer_one_loses_its_end():
     assert close(target="splice {1}") == "splice {1} too near obstacles"
 
 
-def test_the_mode_of_each_autopilot_is_among_those_that_are_waited_for():
+def test_the_mode_of_each_autopilot_is_one_that_the_companion_waits_for():
     assert TEXTS["MODE_KEPT"].actions == tuple(
         f"waiting for {row.own_mode}" for row in PROFILES.values()
     )

@@ -179,7 +179,7 @@ def test_a_target_is_coordinates_or_beside_a_conductor(
     assert refusal(changed("{x_m: 9.0, z_m: 14.0}", written), tmp_path) == problem
 
 
-def test_no_conductor_to_stand_beside(tmp_path: Path) -> None:
+def test_a_target_beside_a_missing_conductor_is_refused(tmp_path: Path) -> None:
     content = yaml.safe_load(EXAMPLE)
     content["obstacles"] = []
     content["targets"]["splice-1"] = {"conductor": "left", "standoff_m": 2.0, "side": "left"}
@@ -204,7 +204,7 @@ def test_no_conductor_to_stand_beside(tmp_path: Path) -> None:
         ("name: tower leg", "name: left-lower", "obstacles[1].polygon.name: is 'left-lower' like"),
     ],
 )
-def test_what_the_site_may_not_hold(old: str, new: str, problem: str, tmp_path: Path) -> None:
+def test_an_invalid_site_file_is_refused(old: str, new: str, problem: str, tmp_path: Path) -> None:
     assert refusal(changed(old, new), tmp_path).startswith(problem)
 
 

@@ -34,7 +34,7 @@ def test_systemd_accepts_the_unit(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_the_service_says_itself_when_it_is_ready_and_is_not_restarted_with_a_wrong_file():
+def test_the_service_notifies_readiness_and_is_not_restarted_with_a_wrong_file():
     service = unit()["Service"]
     assert service["Type"] == "notify"
     assert service["RestartPreventExitStatus"] == "2"
@@ -46,7 +46,7 @@ def test_the_service_says_itself_when_it_is_ready_and_is_not_restarted_with_a_wr
     ]
 
 
-def test_a_service_that_hangs_is_started_anew_and_finds_its_state():
+def test_a_service_that_hangs_is_restarted_and_finds_its_state():
     service = unit()["Service"]
     assert service["WatchdogSec"] == "2"
     assert service["StateDirectory"] == "moar-companion"

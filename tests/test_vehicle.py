@@ -78,7 +78,7 @@ def test_the_example_of_the_contract(tmp_path: Path) -> None:
     )
 
 
-def test_without_an_autopilot_its_heartbeat_tells(tmp_path: Path) -> None:
+def test_without_a_configured_autopilot_its_heartbeat_decides(tmp_path: Path) -> None:
     for written in ("", "autopilot:\n"):
         vehicle = load(EXAMPLE.replace("autopilot: px4  ", f"{written}#"), tmp_path)
         assert vehicle.autopilot is None
@@ -208,7 +208,9 @@ def test_optional_sections_in_the_units_of_the_file(tmp_path: Path) -> None:
         ("geometry:", "adaptation: none\ngeometry:", "adaptation: is 'none', must be"),
     ],
 )
-def test_what_the_vehicle_may_not_hold(old: str, new: str, problem: str, tmp_path: Path) -> None:
+def test_an_invalid_vehicle_file_is_refused(
+    old: str, new: str, problem: str, tmp_path: Path
+) -> None:
     assert refusal(changed(old, new), tmp_path).startswith(problem)
 
 

@@ -112,7 +112,7 @@ def test_a_file_that_is_no_mapping_with_text_keys(text: str, problem: str, tmp_p
 
 
 @pytest.mark.parametrize("load", [load for load, _ in FILES.values()])
-def test_a_file_that_cannot_be_read(load: Any, tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_is_refused(load: Any, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"absent\.yaml: no such file$"):
         load(tmp_path / "absent.yaml")
     with pytest.raises(InputError, match=r": is a directory, must be a file$"):
@@ -128,7 +128,7 @@ def test_a_file_that_cannot_be_read(load: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-def test_a_file_without_permission(tmp_path: Path) -> None:
+def test_a_file_without_permission_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "secret.yaml"
     path.write_text("name: a")
     path.chmod(0)

@@ -1,13 +1,13 @@
-"""Conductors in real airborne scans: ours beside open peers, on the same points, in one run.
+"""Conductors in real airborne scans: our detector and open peers on the same points, in one run.
 
     python -m tests.benchmarks.conductors [--plot FOLDER]
 
-The scans are labelled (wire 14, tower 15) by their author. The peers are sequential RANSAC with
-the line or curve that each library offers, on the points 4 m above the ground:
+The author of the scans has labelled them (wire 14, tower 15). The peers are sequential RANSAC with
+the line or curve of each library, on the points 4 m above the ground:
 - pyransac3d: Line (straight; 0.5 m)
 - scikit-learn: RANSACRegressor of lateral position and height over the length, degree 2
 - Open3D: segment_plane, as vertical planes (it has no line), then clusters of 2 m
-Each takes out what it found until less than 30 points are left on a model, or 60 times.
+Each removes the points of a found model, up to 60 times, until a model has less than 30 points.
 """
 
 from __future__ import annotations

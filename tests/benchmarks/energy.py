@@ -1,11 +1,12 @@
-"""Energy: the forecast against what was used: `.venv/bin/python -m tests.benchmarks.energy [N]`.
+"""Energy: forecast against consumption: `.venv/bin/python -m tests.benchmarks.energy [N]`.
 
 N lockstep flights (200) of all sites, missions and vehicles, by both autopilots, in winds of up to
-8 m/s with gusts. The fake battery knows nothing of hovering or climbing: its power goes with the
-thrust, and up to 15 % more or less than the vehicle file says. After a minute in the air, hovering
-or on an inspection, a mission is ordered: what the companion says then of all that is still to be
-flown is compared with what the pack has lost when the motors stop. No flight waits for less wind:
-a wait is not foretold, and would end it short of its landing point.
+8 m/s with gusts. The fake battery has no model of hovering or climbing: its power follows the
+thrust, and differs by up to 15 % from the vehicle file. After a minute in the air, hovering or on
+an inspection, a mission is ordered. The companion then forecasts the energy of the rest of the
+flight. The benchmark compares that with the charge that the pack has lost when the motors stop.
+No flight waits for less wind: the forecast has no waits, and a wait would end the flight before
+its landing point.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def cases(count: int, seed: int = 1) -> list[Case]:
 
 @cache
 def _on_flat_ground(name: str) -> Site:
-    """A site whose landing points are where the fake autopilot's ground is."""
+    """A site with its landing points on the ground of the fake autopilot."""
     site = Site.load(shipped_configs() / "sites" / f"{name}.yaml")
     landing_m = {
         mission: tuple((x_m, 0.0) for x_m, _ in points)

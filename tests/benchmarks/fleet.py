@@ -1,9 +1,9 @@
 """A hundred vehicles on one MQTT broker: `.venv/bin/python -m tests.benchmarks.fleet`.
 
-The publishers are the service's own, a thread each, with the status of a flight whose times move;
-the reader is paho in a process of its own and reads everything. The delay is from the making of a
-status to the reader, and has up to 0.1 s of waiting in the publisher in it. Three parts: alone;
-with slow subscribers, each of which reads 2 kB/s of everything; and with a restart of the broker.
+The publishers are those of the service, a thread each, with the status of a flight and moving
+times. The reader is paho in its own process and reads all topics. The delay counts from the making
+of a status to the reader, and includes up to 0.1 s of waiting in the publisher. Three parts: alone;
+with slow subscribers, each of which reads 2 kB/s of all topics; and with a restart of the broker.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Fleet(threading.Thread):
         while not self._closing.wait(TURN_S):
             now_s = time.monotonic() - began_s
             for number, publisher in enumerate(self.publishers):
-                # Not all in the same instant; each has new words every 10 s.
+                # Not all in the same instant; each has new texts every 10 s.
                 said = f"MOAR: {(now_s + number) // 10:.0f}"
                 publisher.look(now_s + 0.005 * number, lambda said=said: self._now(said))
 

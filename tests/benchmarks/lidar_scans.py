@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.lidar_scans [--minutes 10]
 
-A VLP-16 (600 rpm, noise 0.02 m, 2 % of echoes lost) on an aircraft that sways by 3°, whose position
-has noise of 0.05 m per report. Cost: processor time from the last packet of a scan to the report.
+A VLP-16 (600 rpm, noise 0.02 m, 2 % of echoes lost) on an aircraft that sways by 3°. The position
+of the aircraft has noise of 0.05 m per report. Cost: processor time from the last packet of a scan
+to the report.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The risk indices over recordings: `.venv/bin/python -m tests.benchmarks.logs DIR`.
 
-Draws every recording beside the checkout as `moar-companion replay --plot` does, and prints a line
-of figures for each: the range of every index, and the input that decided its greatest value.
-`logs.md` says what was seen.
+Draws every recording beside the checkout like `moar-companion replay --plot`. Prints a line of
+figures for each: the range of every index, and the input that decided its greatest value.
+`logs.md` has the results.
 """
 
 from __future__ import annotations

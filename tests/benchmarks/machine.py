@@ -1,10 +1,9 @@
 """Cost of the machine without I/O: `.venv/bin/python -m tests.benchmarks.machine`.
 
-Updates of the risk indices without and with their explanation, telemetry through `Session.receive`
-and through the whole companion, which cycles 50 times a second of its time: all by the processor's
-time. And a whole inspection in lockstep with the fake autopilot, whose share is in the figure. The
-telemetry is a recording of PX4 where there is one beside the checkout, and otherwise what the
-companion heard in that inspection.
+Processor time of: updates of the risk indices without and with their explanation; telemetry through
+`Session.receive`; telemetry through the whole companion, at 50 cycles per second of its time. Also
+a whole inspection in lockstep; that figure includes the fake autopilot. The telemetry is a
+recording of PX4 if there is one beside the checkout, and otherwise that of the inspection.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ Stream = list[tuple[float, bytes]]
 
 
 def fly() -> tuple[float, Stream]:
-    """An inspection of all targets: simulated seconds per second, and what was heard in it."""
+    """An inspection of all targets: simulated seconds per second, and the received packets."""
     flight = Lockstep()
     began = time.perf_counter()
     flight.begin(INSPECTION)
@@ -54,7 +53,7 @@ def fly() -> tuple[float, Stream]:
 
 
 def risk_update_us(*, explained: bool) -> Callable[[], float]:
-    """Mean time of an update in a healthy flight, all sources heard; with JSON and words of it."""
+    """Mean time of an update in a healthy flight with all sources; with its JSON and text."""
     flight = Flight.healthy()
     flight.fly(60.0)
     received = []

@@ -1,14 +1,15 @@
-"""The planner beside its peers, on the same problems: `python -m tests.benchmarks.peers`.
+"""The planner and its peers on the same problems: `python -m tests.benchmarks.peers`.
 
 Needs the extra `peers`. A table on stdout, and a picture `peers.png` in the folder of `--out`: J
 against processor time, both axes logarithmic. Each problem has another start, velocity and
-weights; with 60 problems or more the extremes of the weights are among them. Those that search the
-planner's graph must find its J: a difference above 1e-9 ends the run. OMPL's J is that of a
-continuous path, compared with that of our refined path and with that of the polyline through the
-centres of our cells, evaluated alike. OMPL's and the refined one may end anywhere in a goal cell,
-the polyline goes on to the centre. Of the two ways in which each of its planners is asked
-(`peers_ompl`), the table and the picture have the one that serves it better at a hundred times our
-cold time; what the other one came to is told below the table.
+weights; with 60 problems or more the extremes of the weights are among them.
+
+Peers that search the planner's graph must find its J: a difference above 1e-9 ends the run. OMPL's
+J is that of a continuous path. It is compared with J of our refined path and of the polyline
+through the centres of our cells, evaluated alike. OMPL's path and the refined path may end
+anywhere in a goal cell; the polyline continues to the centre. Each planner of OMPL is called in
+two forms (`peers_ompl`). The table and the picture have the form with the better result at a
+hundred times our cold time. The result of the other form is printed below the table.
 """
 
 from __future__ import annotations
@@ -240,7 +241,7 @@ def _timed(
 
 
 def worse_ways(cases: list[dict[str, Result]]) -> list[str]:
-    """The less favourable way of calling each of OMPL's planners."""
+    """The less favourable of the two forms of calling each of OMPL's planners."""
     return [
         max(
             (f"{kind} {dimensions}-D" for dimensions in peers_ompl.DIMENSIONS),
@@ -251,7 +252,7 @@ def worse_ways(cases: list[dict[str, Result]]) -> list[str]:
 
 
 def without(cases: list[dict[str, Result]], ways: list[str]) -> list[dict[str, Result]]:
-    """All results but those of some ways."""
+    """All results except those of some forms."""
     return [
         {
             method: result
@@ -278,7 +279,7 @@ def ratios(cases: list[dict[str, Result]], method: str, ours: str = COLD) -> np.
             else (theirs.graph_cost, own.graph_cost)
         )
         if cost is None:
-            continue  # a cost on the graph says nothing of one in the plane
+            continue  # a cost on the graph gives no cost in the plane
         equal = abs(cost - best) <= NEAR * max(1.0, best)
         found.append(1.0 if equal else cost / best if best > 0.0 else math.inf)
     return np.array(found)

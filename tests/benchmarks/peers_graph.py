@@ -1,7 +1,7 @@
 """Peers that search a graph: the paper's A*, SciPy, NetworkX and scikit-image.
 
-The first three are asked for the same optimum as the planner, on the same states and steps, and
-have to agree with it. scikit-image knows cells and no headings.
+The first three search the same optimum as the planner, on the same states and steps, and have to
+agree with it. scikit-image has cells and no headings.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from moar_companion.planner.solver import Goal, walked
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GraphProblem:
-    """A planning problem in the words of a graph: flat cells, and the velocity in space, (3,)."""
+    """A planning problem as a graph: flat cells, and the velocity in space, (3,)."""
 
     graph: Graph
     goal: Goal
@@ -212,7 +212,7 @@ class StateGraph:
 def scipy_dijkstra(
     steps: csr_array, origin: int, goals: IntArray, limit: float = math.inf
 ) -> float:
-    """J by SciPy's compiled Dijkstra, which knows no goal and ends at a limit of cost."""
+    """J by SciPy's compiled Dijkstra, which has no goal and ends at a limit of cost."""
     return float(dijkstra(steps, indices=origin, limit=limit)[goals].min())
 
 
@@ -260,7 +260,7 @@ def image_path(costs: FloatArray, problem: GraphProblem) -> IntArray:
 
 
 def graph_cost(problem: GraphProblem, cells: IntArray) -> float:
-    """J of a way through neighbouring cells, (n, 2), on the graph."""
+    """J of a path through neighbouring cells, (n, 2), on the graph."""
     graph = problem.graph
     heading_of = {tuple(step): heading for heading, step in enumerate(graph.moves.steps.tolist())}
     headings = [heading_of[tuple(step)] for step in np.diff(cells, axis=0).tolist()]

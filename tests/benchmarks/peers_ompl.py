@@ -1,13 +1,13 @@
 """Peers that sample the plane: OMPL's RRT*, Informed RRT* and BIT* with J as their objective.
 
-J of a path is no sum over its legs, as each turn costs. They are asked in two ways:
-- 4-D: a state is a point and a velocity to leave it with. A leg costs its own J, and both changes
-  between its speeds and those of its ends. The optimum is that of J, as the best velocity of a
+J of a path is no sum over its legs, as each turn costs. The peers are called in two forms:
+- 4-D: a state is a point and the velocity at its departure. A leg costs its own J, and the changes
+  from and to the velocities of its ends. The optimum is that of J, because the best velocity of a
   state is that of one of its legs.
-- 2-D: a state is a point, and turns cost nothing. What there is to search is less, but its optimum
-  is another.
-What is found is judged by the whole of J either way. The loops over the samples of a leg are
-compiled; a leg takes about 5 microseconds, most of them Python's.
+- 2-D: a state is a point, and turns cost nothing. The search space is smaller, but has another
+  optimum.
+The found path is judged by the whole of J in both forms. The loops over the samples of a leg are
+compiled. A leg takes about 5 microseconds, most of them in Python.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class PlaneProblem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Milestone:
-    """When a run is looked at: after a time, or after a number of legs whose cost was asked for."""
+    """Checkpoint of a run: after a time, or after a number of computed leg costs."""
 
     name: str
     time_s: float = math.inf
@@ -104,9 +104,10 @@ class _Objective(base.OptimizationObjective):
 
 
 class _GuidedObjective(_Objective):
-    """With Eq. 8 as a bound: without any, Informed RRT* is RRT*; the others do better without.
+    """The objective with Eq. 8 as a bound.
 
-    OMPL's Python takes it from the start on; the cost to the goal it asks of C++ alone.
+    Without a bound, Informed RRT* is RRT*; the other planners find better paths without one.
+    OMPL's Python takes the bound from the start; only C++ takes the cost to the goal.
     """
 
     def __init__(self, information: base.SpaceInformation, problem: PlaneProblem) -> None:

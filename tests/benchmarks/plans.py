@@ -2,8 +2,8 @@
 
 Tables on stdout, and a picture `sizes.png` in the folder of `--out`: plans by number of states.
 Every call has another start, velocity and weights; the extremes of the weights are among them.
-Times are of `Planner.plan` as a user calls it, in processor time of its thread, so that what else
-the machine does stays out of the figures; of three passes over all calls, each call's least.
+Times are those of `Planner.plan` as a user calls it, in processor time of its thread: other load of
+the machine does not count. Of three passes over all calls, the least time of each call counts.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Recording of a long flight: `.venv/bin/python -m tests.benchmarks.recorded [MINUTES] [DIR]`.
 
 The flight of `soak` in lockstep, with a whole recorder: the status twice a second, .tlog,
-decisions and .mcap. At the end the sizes, the processor time of the recorder's thread and that
-of all else that the recording takes in the loop, by the flight's time, and the growth of memory.
+decisions and .mcap. Prints at the end: the sizes; the processor time of the recorder's thread, and
+of the recording in the loop, by the flight's time; and the growth of memory.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The service, whose cycles note which position they go by: `served.py CONFIG AGES`.
+"""The service with a record of the position that each cycle uses: `served.py CONFIG AGES`.
 
-For `starved`, as a file, so that it serves whatever checkout comes first on the path. A line of
-AGES is a cycle: when it began, and the autopilot's time of the position (milliseconds).
+For `starved`. It is run as a file, so that it serves the checkout that is first on the path. A line
+of AGES is a cycle: its start, and the autopilot's time of the position (milliseconds).
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Memory over a long flight in lockstep: `.venv/bin/python -m tests.benchmarks.soak [MINUTES]`.
 
-50 Hz, inspections one after the other on a battery that stays at 80 %, and 10 messages a second of
-ground stations, other vehicles and components among those of the autopilot. Every 10 simulated
-minutes the anonymous memory of the process, the fake autopilot's included; the growth is that after
-the first 10 minutes. With `PYTHONPATH=DIR` and this file in place of the module: of another
-checkout.
+50 Hz, with one inspection after the other on a battery that stays at 80 %. Ground stations, other
+vehicles and components send 10 messages a second among those of the autopilot. Prints the anonymous
+memory of the process, with the fake autopilot, every 10 simulated minutes. The growth counts after
+the first 10 minutes. Another checkout: `PYTHONPATH=DIR` and this file in place of the module.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
 """Start time of the service: `.venv/bin/python -m tests.benchmarks.starts DIR ...`.
 
-For each checkout, `--repeats` times: with an empty cache of kernels until the planner is
-ready; with a warm one until the first datagram, and until the autopilot is known (its heartbeats
-come at 10 Hz); killed in flight and started again, until `continue` is accepted (asked for each
-50 ms; the autopilot is `sitl`'s). In seconds from the start of the process.
+In seconds from the start of the process, for each checkout, `--repeats` times:
+- with an empty cache of kernels: until the planner is ready
+- with a warm cache: until the first datagram, and until the autopilot is identified (heartbeats at
+  10 Hz)
+- killed in flight and restarted: until `continue` is accepted (requested each 50 ms; the autopilot
+  is that of `sitl`)
 """
 
 from __future__ import annotations
@@ -77,7 +79,7 @@ def cold_s(code: Path) -> float:
 
 
 def warm_s(code: Path) -> tuple[float, float]:
-    """Until the first datagram, and until the autopilot is known."""
+    """Times until the first datagram, and until the autopilot is identified."""
     with tempfile.TemporaryDirectory() as name, socket.socket(type=socket.SOCK_DGRAM) as peer:
         peer.bind(("127.0.0.1", 0))
         peer.settimeout(PATIENCE_S)
@@ -137,7 +139,7 @@ def continue_s(code: Path, repeats: int) -> list[float]:
 
 
 def _wait_until_accepted(operator: Operator) -> None:
-    """Ask until there is an answer, and anew after a refusal, until `continue` is accepted."""
+    """Request `continue` until it is accepted: again without an answer, and after a refusal."""
     end_s = time.monotonic() + PATIENCE_S
     for number in itertools.count():
         # No repeat of what was refused, which would have that answer again; it means nothing.

@@ -2,8 +2,8 @@
 
 Flies an inspection with fake autopilot and service as processes, through the relay of `service`,
 and starts busy processes (nice 0) beside the service while it streams. Of the setpoints: their
-intervals by the kernel's times. Of each cycle: how old the position is that it goes by, from the
-relay's time of that LOCAL_POSITION_NED to the cycle's beginning, on one clock.
+intervals by the kernel's times. Of each cycle: the age of its position, from the relay's time of
+that LOCAL_POSITION_NED to the start of the cycle, on one clock.
 
 With one core, service and busy processes share it, and autopilot, relay and operator have the
 other; with two, all of them share both. `--code DIR` flies the service of another checkout.
@@ -153,7 +153,7 @@ def let_go(operator: Operator) -> list[str]:
 
 
 def said(operator: Operator, words: Iterable[str]) -> list[str]:
-    """Its texts with one of these words."""
+    """Texts of the service that contain one of these words."""
     return [text for text in operator.texts if any(word in text for word in words)]
 
 

@@ -1,7 +1,7 @@
 """Thresholds against recorded flights: `.venv/bin/python -m tests.benchmarks.thresholds`.
 
-Broken packets by the radio's margin; what healthy estimators and magnetometers say in flight; how
-soon trouble that real autopilots had shows in its index. From the recordings beside the checkout.
+Broken packets by the radio's margin; values of healthy estimators and magnetometers in flight;
+delay from a fault of a real autopilot to its risk index. From the recordings beside the checkout.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def broken_packets(paths: list[Path]) -> dict[int, list[float]]:
                 errors = radio.receive_errors - before.receive_errors
                 if 0.5 <= elapsed_s <= 2.0 and errors >= 0:
                     found[int(np.digitize(min(margins), MARGINS))].append(errors / elapsed_s)
-                elif elapsed_s < 0.5:  # the same word in its old and new form
+                elif elapsed_s < 0.5:  # the same name in its old and new form
                     continue
             before = radio
     return found

@@ -1,8 +1,8 @@
 """Wind from tilt against true wind: `.venv/bin/python -m tests.benchmarks.wind`.
 
-Recordings of PX4 and ArduPilot beside the checkout whose wind was set, played by the code that
-flies, with the drag of the default and that of the simulated aircraft. The fake autopilots with
-drag that the estimator knows, and with 30 % less and more of it. The drag measured from a flight.
+Recordings of PX4 and ArduPilot with a set wind, from beside the checkout. The flight code plays
+them, with the default drag and with that of the simulated aircraft. The fake autopilots with the
+drag of the estimator, and with 30 % less and more. The drag measured from a flight.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ RECORDINGS = (
 
 
 def drag_of(manner: Manner) -> RiskModel:
-    """A risk model that knows the drag of this autopilot's simulated aircraft."""
+    """A risk model with the drag of this autopilot's simulated aircraft."""
     frame = airframe_of(manner, 1.0)
     return RiskModel(drag_per_s=frame.drag_per_s, drag_per_m=frame.drag_per_m)
 
@@ -73,7 +73,7 @@ def table(title: str, head: str, rows: list[str]) -> None:
 
 
 def told_in(path: str, model: RiskModel) -> np.ndarray:
-    """Time and wind from tilt, (n, 2), wherever it was known in a recording."""
+    """Time and wind from tilt, (n, 2), for the estimated instants of a recording."""
     witness, estimate = PassiveListener(), RiskEstimate.unknown(model)
     begin_s, due_s, told = None, 0.0, []
     for record in Tlog((SHARED / "traces" / f"{path}.companion.tlog").read_bytes()):
@@ -109,7 +109,7 @@ def recordings() -> list[str]:
 
 
 def followed_s(flight: AirFlight, wind_mps: float) -> float:
-    """Sets a wind; until it is told, and stays so, within `CLOSE` or `NEAR_MPS`."""
+    """Set a wind. Return the time until the reported wind stays within `CLOSE` or `NEAR_MPS`."""
     began_s, late_s = flight.now_s, 0.0
     flight.reported.clear()
     flight.wind(wind_mps)
@@ -184,7 +184,7 @@ def calm() -> list[str]:
 
 
 def spread_of_drags() -> list[str]:
-    """Wind by the default drag, of aircraft whose drag is known."""
+    """Wind by the default drag, of aircraft with a known drag."""
     known = {
         "recorded quadrotor of 2015 (dronekit_flight_replay)": RiskModel(
             drag_per_s=0.227, drag_per_m=0.0

@@ -71,8 +71,8 @@ def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_u
     out, err = capsys.readouterr()
     assert err == ""
     assert f"\nAircraft on {link}\n" in out
-    told = [line for line in out.splitlines() if line.startswith("  no-go")]
-    (line,) = told
+    reported = [line for line in out.splitlines() if line.startswith("  no-go")]
+    (line,) = reported
     assert line == (
         f"  no-go    link: udpin:127.0.0.1:{unused_udp_port}: in use by another program; "
         "stop the service: systemctl stop moar-companion, or what else uses it"
@@ -80,7 +80,7 @@ def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_u
     assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
 
 
-def test_a_configuration_whose_links_nobody_speaks_on_is_no_go(
+def test_a_configuration_whose_links_receive_no_packet_is_a_no_go(
     capsys, tmp_path, unused_udp_port, monkeypatch
 ):
     monkeypatch.setattr("moar_companion.preflight.aircraft_check.WAIT_S", 0.1)
@@ -93,7 +93,7 @@ def test_a_configuration_whose_links_nobody_speaks_on_is_no_go(
 
 
 @pytest.mark.parametrize("load", [merged, configured], ids=["check", "the service"])
-def test_both_find_the_installed_configuration(tmp_path, monkeypatch, load):
+def test_check_and_service_find_the_installed_configuration(tmp_path, monkeypatch, load):
     installed = tmp_path / "companion.yaml"
     monkeypatch.setattr("moar_companion.commands.service.INSTALLED_CONFIG", installed)
     arguments = argparse.Namespace(config=None, vehicle=None, site=None, connect=[])
@@ -107,7 +107,7 @@ def test_both_find_the_installed_configuration(tmp_path, monkeypatch, load):
     assert load(arguments).file == CONFIGS / "companion.yaml"
 
 
-def test_it_tells_which_configuration_it_has_found(capsys, tmp_path, monkeypatch):
+def test_the_check_reports_which_configuration_it_has_found(capsys, tmp_path, monkeypatch):
     installed = tmp_path / "companion.yaml"
     for module in ("service", "service_check"):
         monkeypatch.setattr(f"moar_companion.commands.{module}.INSTALLED_CONFIG", installed)
@@ -125,12 +125,12 @@ def test_files_alone_and_a_link_exclude_each_other(capsys):
     )
 
 
-def test_without_anything_it_tells_that_nothing_is_flown(capsys):
+def test_without_any_option_the_check_reports_that_no_mission_is_flown(capsys):
     assert check() == 0
     assert "none: telemetry and risk only" in capsys.readouterr().out
 
 
-def test_everything_that_is_wrong_with_all_files_is_told_at_once(capsys, tmp_path):
+def test_all_errors_of_all_files_are_reported_at_once(capsys, tmp_path):
     site = edited(
         tmp_path,
         SITE,
@@ -145,8 +145,8 @@ def test_everything_that_is_wrong_with_all_files_is_told_at_once(capsys, tmp_pat
     )
     assert check("--config", config) == 2
     out, err = capsys.readouterr()
-    told = [line for line in out.splitlines() if line.startswith("  no-go")]
-    assert len(told) == 5
+    reported = [line for line in out.splitlines() if line.startswith("  no-go")]
+    assert len(reported) == 5
     for words in (
         f"{config}: links[0].url: 'smoke:signals'",
         f"{config}: links[1].url: 'udp:127.0.0.1:99999'",
@@ -154,7 +154,7 @@ def test_everything_that_is_wrong_with_all_files_is_told_at_once(capsys, tmp_pat
         f"{site}: frame.azimuth_deg: is 500",
         f"{site}: workspace.resolution_m: is -1",
     ):
-        assert [line for line in told if words in line], words
+        assert [line for line in reported if words in line], words
     assert "NO-GO: 5 findings\n" in out
     assert err.count("\n") == 1
     assert "(and 4 more)" in err
@@ -188,7 +188,9 @@ def test_a_site_that_cannot_be_flown_is_a_no_go_with_status_1(capsys, tmp_path):
         ("/dev/null/flights", 1, "correct {}.directory, or the rights there"),
     ],
 )
-def test_whether_the_service_could_write(capsys, tmp_path, subject, directory, status, line):
+def test_a_folder_that_the_service_could_not_write_is_reported(
+    capsys, tmp_path, subject, directory, status, line
+):
     config = tmp_path / "companion.yaml"
     config.write_text(f"vehicle: {X500}\n{subject}: {{directory: {directory}}}\n")
     assert check("--config", config) == status
@@ -213,7 +215,7 @@ def test_a_folder_of_systemd_that_cannot_be_written_is_a_no_go(capsys, monkeypat
     ],
     ids=["free", "no folder", "a file", "too long"],
 )
-def test_whether_the_service_could_make_the_socket_of_its_view(
+def test_a_view_socket_that_the_service_could_not_make_is_reported(
     capsys, tmp_path, monkeypatch, name, status, line
 ):
     # A socket's path may not be long, and pytest's are.
@@ -225,17 +227,15 @@ def test_whether_the_service_could_make_the_socket_of_its_view(
     assert not (tmp_path / "view.sock").exists()
 
 
-def test_a_socket_that_another_service_has_left_or_serves_is_no_finding(
-    capsys, tmp_path, monkeypatch
-):
+def test_a_socket_file_that_exists_already_is_no_finding(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(str(tmp_path / "view.sock"))
+    with socket.socket(socket.AF_UNIX) as leftover:
+        leftover.bind(str(tmp_path / "view.sock"))
     assert check() == 0
     assert "  ok       view: " in capsys.readouterr().out
 
 
-def test_a_folder_of_somebody_else_is_a_no_go(capsys, tmp_path, monkeypatch):
+def test_a_folder_of_another_user_is_a_no_go(capsys, tmp_path, monkeypatch):
     config = tmp_path / "companion.yaml"
     config.write_text(f"vehicle: {X500}\nrecorder: {{directory: flights}}\n")
     monkeypatch.setattr("os.access", lambda *_: False)
@@ -261,7 +261,7 @@ def test_a_name_that_no_file_can_have_is_a_no_go(capsys, tmp_path, key, name, re
     assert "else the service does not start" in out
 
 
-def test_folders_that_must_not_be_looked_into_are_no_goes(capsys, tmp_path, monkeypatch):
+def test_folders_without_permission_to_read_are_a_no_go(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     config = tmp_path / "companion.yaml"
     text = "recorder: {directory: locked/rec}\nview: {socket: locked/s}\n"
@@ -281,7 +281,7 @@ def test_folders_that_must_not_be_looked_into_are_no_goes(capsys, tmp_path, monk
     assert "locked/s cannot be made: Permission denied; correct view.socket" in out
 
 
-def test_an_authority_that_never_streams_is_told(capsys, tmp_path):
+def test_an_authority_that_never_streams_is_reported(capsys, tmp_path):
     config = tmp_path / "companion.yaml"
     config.write_text(f"vehicle: {X500}\nauthority: observe\n")
     assert check("--config", config) == 0
@@ -298,7 +298,9 @@ def test_a_terminal_gets_columns(monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_an_aircraft_by_real_sockets_with_what_to_mend_and_status_1(capsys, unused_udp_port):
+def test_an_aircraft_on_real_sockets_is_reported_with_remedies_and_status_1(
+    capsys, unused_udp_port
+):
     home = "45.3781,-71.92915,210,90"
     at_the_port = f"companion=udpout:127.0.0.1:{unused_udp_port}"
     with simulator("--link", at_the_port, "--home", home):
@@ -315,7 +317,7 @@ def test_an_aircraft_by_real_sockets_with_what_to_mend_and_status_1(capsys, unus
     assert "\nNO-GO: " in out
 
 
-def test_a_port_in_use_is_a_no_go_that_says_what_to_stop(capsys, unused_udp_port):
+def test_a_port_in_use_is_a_no_go_that_names_the_program_to_stop(capsys, unused_udp_port):
     link = f"udp:127.0.0.1:{unused_udp_port}"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", unused_udp_port))
@@ -357,7 +359,7 @@ def serial_port():
         os.close(theirs)
 
 
-def test_a_serial_port_in_use_is_a_no_go_that_says_what_to_stop(capsys):
+def test_a_serial_port_in_use_is_a_no_go_that_names_the_program_to_stop(capsys):
     with serial_port() as device, serial.Serial(device, exclusive=True):
         assert check("--connect", f"serial:{device}:57600") == 1
     assert "; stop the service: systemctl stop moar-companion" in capsys.readouterr().out
@@ -374,13 +376,13 @@ def sensing(tmp_path, port, **keys):
     return config
 
 
-def test_a_sensor_is_told_with_the_speed_that_its_sight_permits(capsys, tmp_path):
+def test_a_sensor_is_reported_with_the_speed_that_its_range_permits(capsys, tmp_path):
     assert check("--config", sensing(tmp_path, 2368)) == 0
     out = capsys.readouterr().out
     assert "ok       perception: velodyne on 127.0.0.1:2368, sight 8 m: at most" in out
 
 
-def test_a_sight_that_is_too_short_for_the_slowest_flight_is_no_go(capsys, tmp_path):
+def test_a_sensor_range_too_short_for_the_slowest_flight_is_a_no_go(capsys, tmp_path):
     assert check("--config", sensing(tmp_path, 2368, sight_m=2.0)) == 1
     out = capsys.readouterr().out
     assert "perception: velodyne on 127.0.0.1:2368, sight 2 m: at v_MIN of" in out

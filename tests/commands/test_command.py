@@ -30,15 +30,15 @@ FLYING = 3
 
 
 class Aircraft:
-    """A system on a UDP port: its components heartbeat, and what it hears is answered by rule.
+    """A system on a UDP port: its components heartbeat, and commands are answered by a rule.
 
-    answer: from a command to the companion to what is sent back, as (component, message) in order.
-    MAVSDK asks the autopilot for its version, to which nothing is answered.
+    answer: a function from a command to the companion to the answers, as (component, message).
+    MAVSDK requests the autopilot's version; that request is not answered.
     """
 
-    def __init__(self, answer=lambda _: [], *, components=(COMPANION,), says=()):
+    def __init__(self, answer=lambda _: [], *, components=(COMPANION,), messages=()):
         self.commands = []
-        self._answer, self._components, self._says = answer, components, says
+        self._answer, self._components, self._messages = answer, components, messages
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.05)
@@ -70,10 +70,10 @@ class Aircraft:
                         self._send(peer, self._answer(message))
             if peer is not None:
                 self._send(peer, [(each, heartbeat(each)) for each in self._components])
-                self._send(peer, self._says)
+                self._send(peer, self._messages)
 
-    def _send(self, peer, said):
-        for component, message in said:
+    def _send(self, peer, reply):
+        for component, message in reply:
             codec = self._codecs[component]
             self._socket.sendto(message.pack(codec), peer)
             codec.seq = (codec.seq + 1) % 256
@@ -93,8 +93,8 @@ def text(words, *, component=COMPANION, chunk=(0, 0)):
     return component, mavlink.MAVLink_statustext_message(4, words.encode(), *chunk)
 
 
-def always(*said):
-    return lambda _: list(said)
+def always(*reply):
+    return lambda _: list(reply)
 
 
 def started(*arguments):
@@ -103,7 +103,7 @@ def started(*arguments):
 
 @pytest.fixture
 def ordered(capfd):
-    """The command in this process: its status and what it says."""
+    """Run the command in this process. Return its status and its output."""
 
     def run(*arguments):
         status = cli.main(["command", *arguments])
@@ -137,7 +137,7 @@ def test_an_order_is_one_command_to_the_companion(ordered, arguments, command, p
     assert (sent.command, sent.param1, sent.param2, sent.confirmation) == (command, *parameters, 0)
 
 
-def test_a_denial_is_told_with_its_reason_put_together_from_chunks(ordered):
+def test_a_denial_is_printed_with_its_reason_joined_from_chunks(ordered):
     reason = "MOAR: a text of another version that is longer than one chunk, denied"
     answer = always(
         acknowledgement(DENIED),
@@ -159,28 +159,32 @@ def test_a_denial_is_told_with_its_reason_put_together_from_chunks(ordered):
         (CANCELLED, "cancelled"),
     ],
 )
-def test_all_that_is_not_accepted_is_status_1_and_waits_for_its_reason(ordered, result, word):
-    said = f"MOAR: so it is, {word.rpartition(' ')[2]}"
-    why = text(said)
+def test_an_order_that_is_not_accepted_waits_for_its_reason_and_ends_with_status_1(
+    ordered, result, word
+):
+    reply = f"MOAR: so it is, {word.rpartition(' ')[2]}"
+    why = text(reply)
     with Aircraft(always(text("MOAR idle"), acknowledgement(result), why)) as aircraft:
         done = ordered("hold", "--connect", aircraft.url)
     name = word.upper().replace(" ", "_")
     assert (done.status, done.err) == (1, "")
-    assert done.out == f"MOAR idle\nhold: {name}\n{said}\n"
+    assert done.out == f"MOAR idle\nhold: {name}\n{reply}\n"
 
 
 @pytest.mark.parametrize(
-    ("result", "told"),
+    ("result", "printed"),
     [(UNSUPPORTED, "UNSUPPORTED"), (77, "REFUSED, result 77")],
 )
-def test_a_refusal_without_a_reason_says_so_though_nobody_knows_its_number(ordered, result, told):
+def test_a_refusal_without_a_reason_is_printed_even_if_its_number_is_unknown(
+    ordered, result, printed
+):
     with Aircraft(always(acknowledgement(result))) as aircraft:
         done = ordered("hold", "--connect", aircraft.url)
     assert (done.status, done.err) == (1, "")
-    assert done.out == f"hold: {told}\n(no reason was received)\n"
+    assert done.out == f"hold: {printed}\n(no reason was received)\n"
 
 
-def test_while_it_is_planned_progress_is_told_once_and_renews_the_patience(ordered):
+def test_progress_of_planning_is_printed_once_and_restarts_the_timeout(ordered):
     def answer(command):
         if command.confirmation == 0:
             return [text("MOAR planning inspection"), acknowledgement(IN_PROGRESS)]
@@ -209,7 +213,7 @@ def test_a_lost_order_is_repeated_as_such(ordered):
     assert [sent.confirmation for sent in aircraft.commands] == [0, 1, 2]
 
 
-def test_what_others_are_answered_and_what_others_say_is_not_ours(ordered):
+def test_answers_to_other_systems_and_texts_of_other_systems_are_ignored(ordered):
     def answer(command):
         if command.confirmation:
             return [acknowledgement(ACCEPTED)]
@@ -232,7 +236,7 @@ def test_no_answer_is_one_line(ordered):
     assert done.err == "moar-companion: hold: the companion has not answered for 2 s\n"
 
 
-def test_without_a_companion_it_says_who_is_heard(ordered):
+def test_without_a_companion_the_received_systems_are_named(ordered):
     with Aircraft(components=(AUTOPILOT,)) as aircraft:
         done = ordered("hold", "--connect", aircraft.url, "--timeout", "2")
     assert (done.status, done.out, aircraft.commands) == (1, "", [])
@@ -242,15 +246,15 @@ def test_without_a_companion_it_says_who_is_heard(ordered):
     )
 
 
-def test_where_nothing_is_heard_it_says_so(ordered):
+def test_a_link_without_packets_is_reported(ordered):
     with Aircraft(components=()) as aircraft:
         done = ordered("status", "--connect", aircraft.url, "--timeout", "0.5")
     assert (done.status, done.out) == (1, "")
     assert done.err.endswith("for 0.5 s: nothing is received\n")
 
 
-def test_status_shows_what_the_companion_says_of_itself(ordered):
-    says = [
+def test_status_shows_the_companions_own_reports(ordered):
+    messages = [
         (COMPANION, mavlink.MAVLink_named_value_float_message(0, name.encode(), value))
         for name, value in [
             ("RISK_WIND", 0.25),
@@ -261,8 +265,8 @@ def test_status_shows_what_the_companion_says_of_itself(ordered):
             ("K_ENERGY", 0.375),
         ]
     ]
-    said = [text("MOAR note: battery 0 is silent"), text("MOAR hold: GNSS receiver has no 3D fix")]
-    with Aircraft(components=(AUTOPILOT, COMPANION), says=[*says, *said]) as aircraft:
+    reply = [text("MOAR note: battery 0 is silent"), text("MOAR hold: GNSS receiver has no 3D fix")]
+    with Aircraft(components=(AUTOPILOT, COMPANION), messages=[*messages, *reply]) as aircraft:
         done = ordered("status", "--connect", aircraft.url)
     assert (done.status, done.err, aircraft.commands) == (0, "", [])
     assert done.out.splitlines() == [
@@ -282,7 +286,7 @@ def test_control_characters_of_a_text_do_not_reach_the_terminal(ordered):
     assert done.out == "MOAR [2Jready\ninspection: ACCEPTED\n"
 
 
-def test_an_interrupt_ends_it_without_a_word():
+def test_an_interrupt_ends_the_command_without_output():
     answer = always(acknowledgement(IN_PROGRESS))
     with Aircraft(answer) as aircraft, started("exit", "--connect", aircraft.url) as process:
         assert process.stdout.readline() == "exit: IN_PROGRESS\n"
@@ -312,9 +316,9 @@ def test_a_missing_device_is_one_line_and_status_1(ordered):
 
 
 def test_a_tcp_peer_that_is_not_there_is_named(ordered):
-    with socket.socket() as unheard:
-        unheard.bind(("127.0.0.1", 0))
-        url = f"tcp:127.0.0.1:{unheard.getsockname()[1]}"
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        url = f"tcp:127.0.0.1:{silent.getsockname()[1]}"
         done = ordered("hold", "--connect", url, "--timeout", "0.5")
     assert (done.status, done.out) == (1, "")
     assert url in done.err
@@ -333,7 +337,7 @@ def test_a_tcp_peer_that_is_not_there_is_named(ordered):
         ("serial:///dev/ttyTHS1:921600", "serial:///dev/ttyTHS1:921600"),
     ],
 )
-def test_a_url_in_mavsdks_words(url, mavsdks):
+def test_a_url_is_converted_to_that_of_mavsdk(url, mavsdks):
     assert mavsdk_url(parse_url(url)) == mavsdks
 
 
@@ -366,6 +370,6 @@ def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, words, caps
     assert [word for word in words if word not in err] == []
 
 
-def test_without_a_link_it_asks_for_one(capsys):
+def test_without_a_link_the_command_asks_for_one(capsys):
     assert cli.main(["command", "hold"]) == 2
     assert "--connect" in capsys.readouterr().err

@@ -41,7 +41,7 @@ def refused(capsys):
         ),
     ],
 )
-def test_a_bad_word_is_one_line(refused, words, named):
+def test_a_wrong_argument_is_one_line(refused, words, named):
     assert named in refused(*words)
 
 
@@ -100,7 +100,7 @@ class Backwards:
         return future
 
 
-def test_results_are_in_the_order_of_the_tasks_whoever_finishes_first():
+def test_results_are_in_the_order_of_the_tasks_in_any_order_of_finishing():
     assert run_tasks("", [(divmod, (n, 2)) for n in range(3)], Backwards()) == [
         (0, 0), (0, 1), (1, 0),
     ]  # fmt: skip

@@ -74,7 +74,7 @@ def test_the_points_of_all_turns_are_read(tmp_path):
     assert len(read_cloud(str(tmp_path / "scan.pcap"), None).points) == len(points)
 
 
-def test_another_port_is_read_where_it_is_named(tmp_path):
+def test_another_port_is_read_if_the_option_names_the_port(tmp_path):
     file = velodyne(tmp_path / "scan.pcap", port=2369)
     assert len(read_capture(file, None, 2369)) > 2000
     assert refusal(file, None, None).endswith(
@@ -141,7 +141,7 @@ def test_a_capture_that_was_cut_off_is_read_up_to_there(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"x", bytes(40), b"\xd4\xc3\xb2\xa1", b"\n\r\r\n" * 9])
-def test_what_is_no_capture_is_refused(content, tmp_path):
+def test_a_file_that_is_no_capture_is_refused(content, tmp_path):
     file = tmp_path / "scan.pcap"
     file.write_bytes(content)
     assert refusal(str(file), None, None) == f"{file}: cannot be read as a packet capture"
@@ -174,12 +174,12 @@ class TestOfAnOuster:
     pytestmark = recorded
 
     @pytest.mark.parametrize(("name", "count"), [(OUSTERS[0], 21_803), (OUSTERS[1], 27_310)])
-    def test_the_points_are_read_with_its_description(self, name, count):
+    def test_the_points_are_read_with_the_description_of_the_sensor(self, name, count):
         pytest.importorskip("ouster.sdk")
         file, metadata = str(FOLDER / f"{name}.pcap"), str(FOLDER / f"{name}.json")
         assert len(read_capture(file, metadata, None)) == count
 
-    def test_its_description_is_asked_for(self):
+    def test_a_missing_description_is_asked_for(self):
         file = str(FOLDER / f"{OUSTERS[0]}.pcap")
         assert "64 at 7502, 10 at 7503; an Ouster's need --metadata" in refusal(file, None, None)
 
@@ -191,7 +191,7 @@ class TestOfAnOuster:
             (b"{}", "is no description of an Ouster: "),
         ],
     )
-    def test_what_is_no_description_is_refused(self, content, problem, tmp_path):
+    def test_a_file_that_is_no_description_is_refused(self, content, problem, tmp_path):
         pytest.importorskip("ouster.sdk")
         metadata = tmp_path / "sensor.json"
         if content is not None:

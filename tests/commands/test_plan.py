@@ -84,7 +84,7 @@ def test_the_json_is_the_contract(plan):
 
 
 @pytest.mark.parametrize("joined", [True, False])
-def test_both_forms_of_an_option_and_negative_numbers(plan, joined, tmp_path):
+def test_an_option_is_read_in_both_forms_and_with_negative_numbers(plan, joined, tmp_path):
     options = {"--start": "26.2,3", "--velocity": "-1,-.5", "--weights": "2,1,1"}
     words = [f"{name}={value}" for name, value in options.items()]
     if not joined:
@@ -95,7 +95,7 @@ def test_both_forms_of_an_option_and_negative_numbers(plan, joined, tmp_path):
     assert answer["weights"] == {"safety": 0.5, "time": 0.25, "energy": 0.25}
 
 
-def test_a_start_with_negative_coordinates(tmp_path, capsys):
+def test_a_start_with_negative_coordinates_is_read(tmp_path, capsys):
     low = variant(
         tmp_path / "low.yaml",
         workspace={"x_m": [-30, 0], "z_m": [-20, 0], "resolution_m": 0.5},
@@ -156,7 +156,9 @@ def test_the_alternatives_are_listed_and_drawn(plan, site, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("mission", ["inspection", "exit", "evacuation"])
-def test_the_refined_path_is_told_and_drawn_beside_the_plan(mission, plan, site, tmp_path, capsys):
+def test_the_refined_path_is_printed_and_drawn_beside_the_plan(
+    mission, plan, site, tmp_path, capsys
+):
     alone = plan(mission=mission)
     answer = plan("--refine", mission=mission)
     refined = answer.pop("refined")
@@ -193,7 +195,7 @@ def test_no_plan_has_no_alternatives_either(site, tmp_path, capsys):
     assert {other["status"] for other in answer["alternatives"]} == {"out_of_bounds"}
 
 
-def test_the_explanation_is_what_the_risks_did_to_weights_and_path(plan):
+def test_the_explanation_gives_the_effect_of_the_risks_on_weights_and_path(plan):
     vehicle = ("--vehicle", str(vehicle_file("linedrone_uniform")))
     options = (
         "--target",
@@ -227,7 +229,7 @@ def test_calibrated_adaptation_ends_with_the_safest_path(plan):
     assert calibrated["cost"]["safety"] < printed["cost"]["safety"]
 
 
-def test_the_explanation_is_told_in_the_summary(site, capsys):
+def test_the_explanation_is_in_the_summary(site, capsys):
     arguments = ["plan", site, "--mission", "inspection", "--risk", "wind=0.8"]
     assert cli.main([*arguments, "--explain"]) == 0
     explained = capsys.readouterr().out
@@ -243,7 +245,7 @@ def test_without_a_path_the_weights_are_explained_all_the_same(site, capsys):
     assert "k_S 0.43 -> 0.47 (wind +0.04)" in capsys.readouterr().out
 
 
-def test_another_vehicle(plan):
+def test_the_plan_is_made_for_the_given_vehicle(plan):
     fast = shipped_configs() / "vehicles" / "linedrone.yaml"
     assert plan()["v_max_mps"] == 0.7  # the service's default
     assert plan("--vehicle", str(fast))["v_max_mps"] == 10.0
@@ -358,7 +360,7 @@ REFUSED = [
 @pytest.mark.parametrize(
     ("options", "words"), [case[1:] for case in REFUSED], ids=[c[0] for c in REFUSED]
 )
-def test_bad_input_is_one_line_status_2_and_nothing_written(
+def test_bad_input_is_one_line_status_2_and_no_file(
     options, words, site, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
@@ -372,7 +374,7 @@ def test_bad_input_is_one_line_status_2_and_nothing_written(
 
 
 @pytest.mark.parametrize("target", ["3", "2", "-1", "0.5", "splice-outer", ""])
-def test_a_landing_point_that_is_not_there(site, target, capsys):
+def test_a_landing_point_that_does_not_exist_is_refused(site, target, capsys):
     assert cli.main(["plan", site, "--mission", "evacuation", "--target", target]) == 2
     err = capsys.readouterr().err
     assert f"--target: is '{target}', must be the index of a landing point" in err
@@ -386,13 +388,13 @@ def test_a_landing_point_that_is_not_there(site, target, capsys):
         ("exit", {"landing": None}, "landing.exit"),
     ],
 )
-def test_a_site_that_lacks_the_mission(mission, changes, key, tmp_path, capsys):
+def test_a_site_without_the_mission_is_refused(mission, changes, key, tmp_path, capsys):
     file = variant(tmp_path / "less.yaml", **changes)
     assert cli.main(["plan", file, "--mission", mission]) == 2
     assert f"less.yaml: {key}: has none" in capsys.readouterr().err
 
 
-def test_a_landing_point_that_nothing_sees_is_named(tmp_path, capsys):
+def test_a_landing_point_that_no_cell_sees_is_named(tmp_path, capsys):
     wall = [[32, -60], [33, -60], [33, 90], [32, 90]]
     file = variant(
         tmp_path / "wall.yaml",
@@ -428,7 +430,7 @@ def test_a_file_that_cannot_be_written_loses_no_other(site, tmp_path, monkeypatc
     }
 
 
-def test_a_file_is_replaced_behind_its_link_with_its_permissions(site, tmp_path):
+def test_the_target_of_a_symbolic_link_is_replaced_with_its_permissions(site, tmp_path):
     real, link = tmp_path / "real.json", tmp_path / "link.json"
     real.write_text("old")
     real.chmod(0o640)
@@ -451,15 +453,15 @@ def test_a_device_is_written_and_not_replaced(site):
     assert stat.S_ISCHR(Path(os.devnull).stat().st_mode)
 
 
-def test_a_directory_that_may_not_be_written(site, tmp_path, monkeypatch, capsys):
-    # The answer of the system is put in its mouth: root, who may run the tests, may write anywhere.
+def test_a_directory_without_write_permission_is_refused(site, tmp_path, monkeypatch, capsys):
+    # The answer of the system is replaced: root may run the tests, and may write anywhere.
     monkeypatch.setattr("os.access", lambda path, _mode: str(path) != str(tmp_path))
     assert cli.main(["plan", site, "--mission", "exit", "--json", str(tmp_path / "a")]) == 2
     assert f"nothing may be written in {tmp_path}" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
 
 
-def test_a_denial_as_flown_names_the_part_of_the_margin_that_takes_the_room(tmp_path, capsys):
+def test_a_denial_as_flown_names_the_part_of_the_margin_that_causes_it(tmp_path, capsys):
     near = variant(
         tmp_path / "near.yaml",
         targets={"near": {"conductor": "right-middle", "standoff_m": 3.0, "side": "right"}},

@@ -1,4 +1,4 @@
-"""`moar-companion replay`: what it tells and writes, and what it refuses."""
+"""`moar-companion replay`: its summary, its files, and the input that it refuses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KEYS = {"recording", "autopilot", "duration_s", "samples", "events", "inputs"}
 
 @pytest.fixture
 def replay(capsys):
-    """Run the command; what it says, which must be all well."""
+    """Run the command, which must succeed. Return its output."""
 
     def run(recording, *options):
         status = cli.main(["replay", str(recording), *options])
@@ -52,7 +52,7 @@ def refused(capsys):
     return run
 
 
-def test_a_summary_tells_who_flew_how_great_the_risks_were_and_what_happened(replay):
+def test_a_summary_gives_the_aircraft_the_risks_and_the_events(replay):
     lines = replay(FAILSAFES).splitlines()
     assert lines[0].startswith("ardupilot_failsafes.tlog: ardupilot quadrotor, 54.1 s")
     assert any("battery" in line and "unknown" in line for line in lines)
@@ -76,7 +76,7 @@ def test_the_json_is_the_contract(replay):
     assert answer["inputs"]["autopilot"]["messages"] > 50
 
 
-def test_a_packed_recording_is_the_same_whatever_its_name(replay, tmp_path):
+def test_a_packed_recording_is_the_same_with_any_name(replay, tmp_path):
     packed = tmp_path / FAILSAFES.name
     packed.write_bytes(gzip.compress(FAILSAFES.read_bytes()))
     assert replay(packed, "--json", "-") == replay(FAILSAFES, "--json", "-")
@@ -128,7 +128,7 @@ def test_a_recording_that_would_fill_the_memory_is_refused(refused, tmp_path, mo
     assert "is too long, must have at most " in refused(path)
 
 
-def test_broken_packets_are_told(replay, tmp_path):
+def test_broken_packets_are_reported(replay, tmp_path):
     broken = bytearray(FAILSAFES.read_bytes())
     packet = [record.packet for record in Tlog(bytes(broken))][20]
     broken[broken.index(packet) + len(packet) - 1] ^= 0xFF
@@ -155,7 +155,7 @@ WRONG_GZIP = GZIP[:50] + bytes(50) + GZIP[100:]
     ],
     ids=["empty", "picture", "ulog", "table", "noise", "cut gzip", "broken gzip", "gzip of none"],
 )
-def test_what_is_no_recording_is_refused_in_one_line(refused, tmp_path, content, words):
+def test_a_file_that_is_no_recording_is_refused_in_one_line(refused, tmp_path, content, words):
     path = tmp_path / "wrong.tlog"
     path.write_bytes(content)
     line = refused(path)
@@ -163,13 +163,13 @@ def test_what_is_no_recording_is_refused_in_one_line(refused, tmp_path, content,
     assert str(path) in line
 
 
-def test_what_is_no_file_is_refused_in_one_line(refused, tmp_path):
+def test_a_path_that_is_no_file_is_refused_in_one_line(refused, tmp_path):
     assert "no such file" in refused(tmp_path / "none.tlog")
     assert "is a directory" in refused(tmp_path)
     assert "is a device" in refused("/dev/zero")
 
 
-def test_outputs_that_cannot_be_are_refused_before_anything_is_read(refused, tmp_path):
+def test_impossible_outputs_are_refused_before_anything_is_read(refused, tmp_path):
     recording = tmp_path / "flight.tlog"
     assert "--plot" in refused(recording, "--plot", "-")
     assert "must end in .png" in refused(recording, "--plot", "a.svg")
@@ -203,7 +203,7 @@ def test_a_calm_flight_measures_the_drag_in_lines_for_the_vehicle_file(replay, t
         )
 
 
-def test_a_flight_that_tells_no_drag_says_what_it_lacks(refused):
+def test_a_drag_fit_without_the_needed_data_names_what_is_missing(refused):
     line = refused(FAILSAFES, "--fit-drag")
     assert "ardupilot_failsafes.tlog" in line
     assert "drag" in line
@@ -278,12 +278,14 @@ def test_a_broken_log_is_refused_in_one_line(refused, tmp_path, content):
     assert "is no sound ULog" in refused(path)
 
 
-def test_every_sample_says_why_and_what_the_weights_became(replay):
+def test_every_sample_has_the_reasons_and_the_resulting_weights(replay):
     answer = json.loads(replay(FAILSAFES, "--json", "-"), parse_constant=pytest.fail)
     for sample in answer["samples"]:
         assert list(sample["reasons"]) == list(sample["risk"])
         for name, words in sample["reasons"].items():
             assert words.startswith(f"{name} ")
         assert sum(sample["weights"]["adjusted"].values()) == pytest.approx(1.0, abs=0.002)
-    told = [event["text"] for event in answer["events"] if event["kind"] == "risk"]
-    assert any(text.startswith("communication to 0.67: ground station silence ") for text in told)
+    reported = [event["text"] for event in answer["events"] if event["kind"] == "risk"]
+    assert any(
+        text.startswith("communication to 0.67: ground station silence ") for text in reported
+    )

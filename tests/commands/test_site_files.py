@@ -74,10 +74,10 @@ def run(*argv):
 def test_every_format_gives_the_same_site(ending, cloud, at, tmp_path, capsys):
     out = tmp_path / "site.yaml"
     assert run("from-cloud", cloud(ending), "--at", at, "--origin", ORIGIN, "--out", out) == 0
-    told = capsys.readouterr().out
-    assert "6 conductors cross the plane" in told
-    assert told.count("circuit-1-phase-") == 3
-    assert "the plane: x = 0 at 45.4" in told
+    reported = capsys.readouterr().out
+    assert "6 conductors cross the plane" in reported
+    assert reported.count("circuit-1-phase-") == 3
+    assert "the plane: x = 0 at 45.4" in reported
     site = Site.load(out)
     heights = sorted(round(each.position_m[1]) for each in site.obstacles)
     assert heights == [12, 12, 19, 19, 26, 26]
@@ -136,9 +136,9 @@ def test_a_site_is_shown_and_read_back(tmp_path, capsys):
     names = {"--kml": "s.kml", "--geojson": "s.geojson", "--qgc-plan": "s.plan"}
     files = [str(word) for option, name in names.items() for word in (option, tmp_path / name)]
     assert run("show", SHIPPED, *files) == 0
-    told = capsys.readouterr().out
-    assert "inspection splice-outer: " in told
-    assert "exit: " in told
+    reported = capsys.readouterr().out
+    assert "inspection splice-outer: " in reported
+    assert "exit: " in reported
     assert json.loads((tmp_path / "s.plan").read_text())["mission"]["items"]
     for name in ("s.kml", "s.geojson"):
         out, plot = tmp_path / f"{name}.yaml", tmp_path / f"{name}.png"
@@ -149,7 +149,7 @@ def test_a_site_is_shown_and_read_back(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (("from-cloud", "a.npz"), "--out: is missing"),
         (("from-cloud", "a.npz", "--out", "{out}"), "--at: is missing"),
@@ -168,14 +168,14 @@ def test_a_site_is_shown_and_read_back(tmp_path, capsys):
         ),
     ],
 )
-def test_what_cannot_be_used_is_one_line(arguments, told, tmp_path, capsys):
+def test_an_unusable_survey_is_one_line(arguments, reported, tmp_path, capsys):
     words = [word.format(out=tmp_path / "out.yaml") for word in arguments]
-    assert told in one_line(["site", *words], 2, capsys)
+    assert reported in one_line(["site", *words], 2, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("ending", "content", "told"),
+    ("ending", "content", "reported"),
     [
         (".npz", b"PK", "cannot be read as NPZ: is no zip archive"),
         (".xyz", b"\n", "is empty"),
@@ -188,11 +188,11 @@ def test_what_cannot_be_used_is_one_line(arguments, told, tmp_path, capsys):
         (".xyz", b"1 2 3\n", "has 1 points, must have 100 or more"),
     ],
 )
-def test_a_damaged_cloud_is_one_line(ending, content, told, tmp_path, capsys):
+def test_a_damaged_cloud_is_one_line(ending, content, reported, tmp_path, capsys):
     file = tmp_path / f"cloud{ending}"
     file.write_bytes(content)
     arguments = ["--at", "0,0", "--origin", ORIGIN, "--out", tmp_path / "out.yaml"]
-    assert told in one_line(["site", "from-cloud", file, *arguments], 2, capsys)
+    assert reported in one_line(["site", "from-cloud", file, *arguments], 2, capsys)
     assert not (tmp_path / "out.yaml").exists()
 
 
@@ -214,18 +214,18 @@ def test_latitude_and_longitude_near_the_origin_are_no_metres(scene, cloud, tmp_
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "told"),
+    ("option", "value", "reported"),
     [
         ("--origin", "95,6,0", "--origin: 95,6,0: is no latitude and longitude"),
         ("--crs", "EPSG:4978", "is 'EPSG:4978' (WGS 84), neither projected nor geographic"),
         ("--crs", "EPSG:5709", "is 'EPSG:5709' (NAP height), neither projected nor geographic"),
     ],
 )
-def test_a_place_of_no_map_is_one_line(option, value, told, cloud, at, tmp_path, capsys):
+def test_a_place_of_no_map_is_one_line(option, value, reported, cloud, at, tmp_path, capsys):
     pytest.importorskip("pyproj")
     out = tmp_path / "out.yaml"
     arguments = ["--at", at, option, value, "--out", out]
-    assert told in one_line(["site", "from-cloud", cloud(".npz"), *arguments], 2, capsys)
+    assert reported in one_line(["site", "from-cloud", cloud(".npz"), *arguments], 2, capsys)
     assert not out.exists()
 
 
@@ -250,14 +250,14 @@ def test_points_outside_of_the_area_of_their_coordinate_system_are_one_line(
     if inside:
         assert run(*arguments) == 0
         return
-    told = one_line(["site", *arguments], 2, capsys)
-    assert "outside of the area of " in told
-    assert "is --crs right?" in told
+    reported = one_line(["site", *arguments], 2, capsys)
+    assert "outside of the area of " in reported
+    assert "is --crs right?" in reported
     assert not out.exists()
 
 
-@pytest.mark.parametrize(("system", "told"), [("EPSG:4979", 1), ("EPSG:4326+5773", 0)])
-def test_heights_above_the_ellipsoid_are_told(system, told, scene, tmp_path, capsys):
+@pytest.mark.parametrize(("system", "reported"), [("EPSG:4979", 1), ("EPSG:4326+5773", 0)])
+def test_heights_above_the_ellipsoid_are_reported(system, reported, scene, tmp_path, capsys):
     pyproj = pytest.importorskip("pyproj")
     file, out = tmp_path / "cloud.npz", tmp_path / "out.yaml"
     to_map = pyproj.Transformer.from_crs("EPSG:32618", "EPSG:4326", always_xy=True)
@@ -267,8 +267,8 @@ def test_heights_above_the_ellipsoid_are_told(system, told, scene, tmp_path, cap
     longitude, latitude = to_map.transform(x + 500_000.0, y + 5_000_000.0)
     at = ("--at", f"{latitude:.8f},{longitude:.8f}", "--crs", system, "--out", out)
     assert run("from-cloud", file, *at) == 0
-    assert capsys.readouterr().out.count("above the ellipsoid") == told
-    assert out.read_text().count("above the ellipsoid") == told
+    assert capsys.readouterr().out.count("above the ellipsoid") == reported
+    assert out.read_text().count("above the ellipsoid") == reported
 
 
 def test_a_site_whose_landing_place_is_covered_is_shown_without_that_path(tmp_path, capsys):
@@ -284,22 +284,22 @@ def test_a_site_whose_landing_place_is_covered_is_shown_without_that_path(tmp_pa
     assert "inspection b" in shown.read_text()
 
 
-def test_a_map_gives_its_survey_as_a_picture_and_tells_what_was_left_out(tmp_path, capsys):
+def test_a_map_gives_a_picture_of_its_survey_and_reports_the_parts_left_out(tmp_path, capsys):
     drawn, out, plot = (tmp_path / name for name in ("drawn.csv", "site.yaml", "site.png"))
     rows = [f"conductor,a,{45 + north * 1e-5},7,20," for north in (-9, 9)]
     rows += ["target,b,45,7.0002,20,", "ground,c,45,7,0,", "tower,T2,45.0003,7,30,2"]
     header = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m,radius_m"
     drawn.write_text("\n".join([header, *rows]))
     assert run("from-map", drawn, "--out", out, "--plot", plot) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[:2] == ["1 obstacle, 1 target", "left out: tower T2, 33 m from the plane"]
-    assert len(told) == 3
+    reported = capsys.readouterr().out.splitlines()
+    assert reported[:2] == ["1 obstacle, 1 target", "left out: tower T2, 33 m from the plane"]
+    assert len(reported) == 3
     red = abs(imread(plot)[..., :3] - np.array((0xA3, 0x27, 0x1B)) / 255.0).max(axis=2) < 0.02
     plan_view = red[: len(red) // 3]
     assert plan_view.sum() > 20
 
 
-def test_a_site_that_its_users_refuse_is_told(tmp_path, capsys):
+def test_a_site_that_other_commands_refuse_is_reported(tmp_path, capsys):
     drawn, out = tmp_path / "drawn.csv", tmp_path / "site.yaml"
     rows = [f"conductor,a,{45 + north * 1e-5},7,20" for north in (-9, 9)]
     rows += ["outline,a,45,7,10", "outline,a,45,7.0001,10", "outline,a,45,7.0001,15"]
@@ -311,14 +311,14 @@ def test_a_site_that_its_users_refuse_is_told(tmp_path, capsys):
 
 def test_a_cloud_without_a_place_needs_one(cloud, at, tmp_path, capsys):
     file, out = cloud(".npz"), tmp_path / "out.yaml"
-    told = one_line(["site", "from-cloud", file, "--at", at, "--out", out], 2, capsys)
-    assert "names no coordinate system: needs --crs EPSG:…, or --origin" in told
+    reported = one_line(["site", "from-cloud", file, "--at", at, "--out", out], 2, capsys)
+    assert "names no coordinate system: needs --crs EPSG:…, or --origin" in reported
     arguments = ["--at", "900,900", "--origin", ORIGIN, "--out", out]
-    told = one_line(["site", "from-cloud", file, *arguments], 2, capsys)
-    assert "m from the nearest point; the file has x" in told
+    reported = one_line(["site", "from-cloud", file, *arguments], 2, capsys)
+    assert "m from the nearest point; the file has x" in reported
     arguments = ["--at", at, "--crs", "EPSG:nowhere", "--out", out]
-    told = one_line(["site", "from-cloud", file, *arguments], 2, capsys)
-    assert told == "--crs: is 'EPSG:nowhere', must be a coordinate system such as EPSG:28992"
+    reported = one_line(["site", "from-cloud", file, *arguments], 2, capsys)
+    assert reported == "--crs: is 'EPSG:nowhere', must be a coordinate system such as EPSG:28992"
     arguments = ["--at", at, "--origin", ORIGIN, "--out", file]
     assert "the file of the input too" in one_line(
         ["site", "from-cloud", file, *arguments], 2, capsys

@@ -30,16 +30,16 @@ def folder(tmp_path_factory, monkeypatch):
 @contextlib.contextmanager
 def service(folder, *arguments, environment=None):
     """A service that has opened its links, and so its view."""
-    told = folder / "notify.sock"
+    notify_path = folder / "notify.sock"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(told))
+        manager.bind(str(notify_path))
         manager.settimeout(PATIENCE_S)
-        environment = {"NOTIFY_SOCKET": str(told), **(environment or {})}
+        environment = {"NOTIFY_SOCKET": str(notify_path), **(environment or {})}
         with companion(
             *("--connect", "udpout:127.0.0.1:9"), *arguments, environment=environment
         ) as running:
             assert manager.recv(64) == b"READY=1"
-            told.unlink()
+            notify_path.unlink()
             yield running
 
 
@@ -60,8 +60,8 @@ def served(tmp_path_factory):
 
 
 @contextlib.contextmanager
-def other_program(says=b"", *, stays=True):
-    """A program that is no companion on `view.sock`; it leaves when it has spoken, or stays."""
+def other_program(sent=b"", *, stays=True):
+    """A program that is no companion on `view.sock`; it sends some data, then leaves or stays."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind("view.sock")
         listener.listen()
@@ -70,7 +70,7 @@ def other_program(says=b"", *, stays=True):
         def serve():
             caller, _ = listener.accept()
             with caller, contextlib.suppress(OSError):
-                caller.sendall(says)
+                caller.sendall(sent)
                 if stays:
                     done.wait(PATIENCE_S)
 
@@ -85,7 +85,7 @@ def other_program(says=b"", *, stays=True):
 
 @pytest.fixture
 def view(capfd):
-    """The command in this process: its status and what it says."""
+    """Run the command in this process. Return its status and its output."""
 
     def run(*arguments):
         return cli.main(["view", *arguments]), *capfd.readouterr()
@@ -117,7 +117,7 @@ def test_json_prints_statuses_until_the_service_ends(folder):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_into_a_pipe_it_prints_lines_until_it_is_interrupted(served, number):
+def test_into_a_pipe_the_view_prints_lines_until_it_is_interrupted(served, number):
     with companion("view", served) as viewing:
         assert "idle" in viewing.stdout.readline()
         viewing.send_signal(number)
@@ -125,21 +125,21 @@ def test_into_a_pipe_it_prints_lines_until_it_is_interrupted(served, number):
         assert (viewing.returncode, errors) == (0, "")
 
 
-def test_into_a_pipe_a_service_that_hangs_is_told_from_one_that_flies(folder):
+def test_into_a_pipe_a_service_that_hangs_is_distinguished_from_one_that_flies(folder):
     with (
         service(folder, *configured(folder)) as serving,
         companion("view", "view.sock") as viewing,
     ):
         assert "idle" in viewing.stdout.readline()
         serving.send_signal(signal.SIGSTOP)
-        told = next(line for line in viewing.stdout if "idle" not in line)
-        assert told.startswith("no data from the service for ")
+        reported = next(line for line in viewing.stdout if "idle" not in line)
+        assert reported.startswith("no data from the service for ")
         assert "no data from the service" in viewing.stdout.readline()
         serving.send_signal(signal.SIGCONT)
         assert "idle" in next(line for line in viewing.stdout if "no word" not in line)
 
 
-def test_on_a_terminal_it_draws_pages_until_q_is_typed_and_gives_the_terminal_back(served):
+def test_on_a_terminal_the_view_draws_pages_until_q_and_then_restores_the_terminal(served):
     ours, theirs = pty.openpty()
     with companion(
         "view", served, stdin=theirs, stdout=theirs, environment={"TERM": "xterm"}
@@ -171,7 +171,7 @@ def test_under_systemd_the_view_is_in_its_runtime_directory(view, folder):
     assert list((folder / "run").iterdir()) == []
 
 
-def test_without_either_there_is_no_view(folder):
+def test_without_systemd_and_configuration_there_is_no_view(folder):
     with service(folder):
         names = {path.name for path in folder.iterdir()}
         assert "view.sock" not in names
@@ -194,14 +194,14 @@ def test_a_second_service_leaves_the_view_to_the_first(view, served, folder):
         ("x" * 200, "AF_UNIX path too long"),
     ],
 )
-def test_where_nobody_serves_it_says_so_in_one_line(view, path, reason):
+def test_a_view_without_a_service_is_one_line(view, path, reason):
     status, output, errors = view(path)
     assert (status, output, errors) == (1, "", f"moar-companion: {path}: {reason}\n")
 
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
-    "says",
+    "sent",
     [
         b"hello\n",
         b"[]\n",
@@ -213,15 +213,15 @@ def test_where_nobody_serves_it_says_so_in_one_line(view, path, reason):
     ],
     ids=["text", "a list", "no text", "no end", "deep", "null", "other keys"],
 )
-def test_another_program_on_the_socket_is_told_from_a_service(view, says):
-    with other_program(says):
+def test_another_program_on_the_socket_is_distinguished_from_a_service(view, sent):
+    with other_program(sent):
         status, output, errors = view("view.sock")
     assert (status, output) == (1, "")
     assert errors == "moar-companion: view.sock: is served by another program\n"
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_service_that_ends_before_it_has_spoken(view):
+def test_a_service_that_ends_before_its_first_status_is_reported(view):
     with other_program(b'{"mission"', stays=False):
         status, _, errors = view("view.sock", "--once")
     assert (status, errors) == (1, "moar-companion: view.sock: the service has ended\n")

@@ -1,4 +1,4 @@
-"""A site, a vehicle and a configuration with every key there is, and what is known of the keys."""
+"""A site, a vehicle and a configuration with every key, and the rules of the keys."""
 
 from __future__ import annotations
 

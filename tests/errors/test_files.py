@@ -74,7 +74,7 @@ FORMS = {
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-def test_a_site_as_other_editors_write_it_is_read(change, tmp_path, capsys):
+def test_a_site_written_by_other_editors_is_read(change, tmp_path, capsys):
     path = tmp_path / "site.yaml"
     path.write_bytes(change(SHIPPED))
     assert cli.main(["plan", str(path), "--mission", "exit"]) == 0
@@ -82,7 +82,9 @@ def test_a_site_as_other_editors_write_it_is_read(change, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("content", "problem"), FORMS.values(), ids=FORMS)
-def test_a_file_that_is_no_site_is_refused_and_nothing_written(content, problem, tmp_path, capsys):
+def test_a_file_that_is_no_site_is_refused_without_any_output_file(
+    content, problem, tmp_path, capsys
+):
     path = tmp_path / "site.yaml"
     path.write_bytes(content)
     line = one_line(
@@ -145,7 +147,7 @@ def test_every_command_that_reads_a_file_names_it_and_its_key(
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
 @pytest.mark.parametrize(("file", "command"), COMMANDS.values(), ids=COMMANDS)
-def test_a_file_that_may_not_be_read(file, command, tmp_path, capsys):
+def test_a_file_without_read_permission_is_one_line(file, command, tmp_path, capsys):
     path = tmp_path / file
     path.write_text("name: a")
     path.chmod(0)
@@ -177,8 +179,8 @@ def test_no_plan_is_one_line_with_status_2_and_the_json_is_written(
     content["start"] = {"x_m": start[0], "z_m": start[1]}
     content["targets"] = {"splice": {"x_m": target[0], "z_m": target[1]}}
     (tmp_path / "site.yaml").write_text(yaml.safe_dump(content))
-    words_of_command = ["plan", str(tmp_path / "site.yaml"), "--mission", "inspection"]
-    assert cli.main([*words_of_command, "--json", "-"]) == 2
+    command_line = ["plan", str(tmp_path / "site.yaml"), "--mission", "inspection"]
+    assert cli.main([*command_line, "--json", "-"]) == 2
     out, err = capsys.readouterr()
     answer = json.loads(out)
     assert answer["status"] == status

@@ -118,7 +118,7 @@ CASES = [
 ]
 
 
-def test_what_is_loaded_before_an_interrupt_is_caught_is_little():
+def test_few_modules_are_loaded_before_interrupts_are_caught():
     loaded = subprocess.run(
         [sys.executable, "-S", "-c", "import moar_companion.__main__, sys; print(*sys.modules)"],
         cwd=ROOT,
@@ -163,7 +163,7 @@ def whole(path):
 
 
 @pytest.mark.parametrize(("module", "arguments", "number", "delay_s"), CASES)
-def test_a_program_that_is_told_to_end(
+def test_a_program_ends_cleanly_on_a_signal(
     module, arguments, number, delay_s, tmp_path, monkeypatch, unused_udp_port
 ):
     monkeypatch.chdir(tmp_path)

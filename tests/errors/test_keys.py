@@ -1,6 +1,6 @@
 """Every key of every file, wrong in every way: one line that names file, key, value and remedy.
 
-What is wrong is put into all keys at once; `InputError.parts` has them apart.
+A wrong value is put into all keys at once; `InputError.parts` has the errors one by one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FREE_NAMES = {("targets",)}
 
 KINDS = {"number": (int, float), "text": (str,), "boolean": (bool,)}
 WRONG = [
-    # title, of what kind the value should be, as written, as told, what is allowed
+    # title, kind of the value, as written, as reported, allowed values
     ("text", "number", "far", "'far'", "must be a"),
     ("a number in quotes", "number", "'3'", "'3' (text, not a number)", "must be a"),
     ("a decimal comma", "number", "'1,5'", "'1,5' (a decimal comma)", "must be a"),
@@ -205,7 +205,7 @@ OUTSIDE = {
 
 
 def keys_of(*kinds):
-    """Every key of every file whose value is of one of the kinds."""
+    """All keys of all files with a value of one of the kinds."""
     return [
         pytest.param(file, key, id=f"{file}: {dotted(key)}")
         for file, (_, content) in FILES.items()
@@ -269,21 +269,21 @@ def test_a_file_with_every_key_loads(file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "bad", "told", "allowed", "file"),
+    ("kind", "bad", "reported", "allowed", "file"),
     [
-        pytest.param(kind, *told, file, id=f"{file}: {title}")
-        for title, kind, *told in WRONG
+        pytest.param(kind, *reported, file, id=f"{file}: {title}")
+        for title, kind, *reported in WRONG
         for file, (_, content) in FILES.items()
         if any(type(value) in KINDS[kind] for _, value in walk(content))
     ],
 )
-def test_a_wrong_value_is_named_with_what_is_allowed(
-    kind, bad, told, allowed, file, tmp_path, capsys
+def test_a_wrong_value_is_named_with_the_allowed_values(
+    kind, bad, reported, allowed, file, tmp_path, capsys
 ):
     text, keys = with_all(file, KINDS[kind], bad)
-    fine = EMPTY_IS_NONE[file] | ONE_OF_TWO[file] if told == "empty" else ()
+    fine = EMPTY_IS_NONE[file] | ONE_OF_TWO[file] if reported == "empty" else ()
     lines = [
-        f"{tmp_path / file}: {dotted(key)}: is {told}, {allowed}"
+        f"{tmp_path / file}: {dotted(key)}: is {reported}, {allowed}"
         for key in keys
         if dotted(key) not in fine
     ]
@@ -310,18 +310,18 @@ def test_a_number_out_of_range_is_named_with_its_limit(side, file, tmp_path, cap
 
 
 @pytest.mark.parametrize(("file", "key"), keys_of(dict, list))
-def test_what_is_no_mapping_or_list_is_named(file, key, tmp_path, capsys):
+def test_a_value_that_is_no_mapping_or_list_is_named(file, key, tmp_path, capsys):
     kind = type(parent(FILES[file][1], key)[key[-1]])
     word = "a mapping" if kind is dict else "a list"
-    for bad, told in STRUCTURES[kind]:
-        if told == "empty" and dotted(key) in EMPTY_IS_NONE[file]:
+    for bad, reported in STRUCTURES[kind]:
+        if reported == "empty" and dotted(key) in EMPTY_IS_NONE[file]:
             continue
         text = yaml.safe_dump(changed(file, key, "@"), sort_keys=False).replace("'@'", bad)
         path = tmp_path / file
-        if told == "empty" and dotted(key) in ONE_OF_TWO[file]:
+        if reported == "empty" and dotted(key) in ONE_OF_TWO[file]:
             must = f"{dotted(key[:-1])}: must have one key, conductor or polygon"
         else:
-            must = f"{dotted(key)}: is {told}, must be {word}"
+            must = f"{dotted(key)}: is {reported}, must be {word}"
         assert str(refusal(file, text, tmp_path, capsys)).startswith(f"{path}: {must}")
 
 
@@ -356,7 +356,7 @@ def test_only_a_required_key_must_be_there(file, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_an_unknown_key_is_named_with_those_there_are(file, tmp_path, capsys):
+def test_an_unknown_key_is_named_with_the_known_keys(file, tmp_path, capsys):
     content = copy.deepcopy(FILES[file][1])
     mappings = [key for key, value in walk(content) if type(value) is dict]
     for key in mappings:
@@ -382,7 +382,7 @@ MISSPELT = {
 
 @pytest.mark.parametrize("file", FILES)
 @pytest.mark.parametrize("slip", MISSPELT)
-def test_a_misspelt_key_is_named_with_what_was_meant(slip, file, tmp_path, capsys):
+def test_a_misspelt_key_is_named_with_the_key_that_was_meant(slip, file, tmp_path, capsys):
     keys = [
         (key, type(value) in (dict, list))
         for key, value in walk(FILES[file][1])

@@ -1,4 +1,4 @@
-"""Links that cannot be had, aircraft that are not there: what a user of the program is told."""
+"""Links that cannot be opened and aircraft that are absent: the errors for the user."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VEHICLE = shipped_configs() / "vehicles" / "x500.yaml"
 
 @contextlib.contextmanager
 def taken(kind=socket.SOCK_DGRAM):
-    """A port on which somebody listens."""
+    """A port on which another socket listens."""
     with socket.socket(socket.AF_INET, kind) as item:
         item.bind(("127.0.0.1", 0))
         yield item.getsockname()[1]
@@ -81,7 +81,7 @@ UNHAD = {
 
 @pytest.mark.parametrize("command", [[], ["check"]], ids=["the service", "check"])
 @pytest.mark.parametrize(("url", "line"), UNHAD.values(), ids=UNHAD)
-def test_a_link_that_cannot_be_had_is_named_with_status_1(command, url, line, capsys):
+def test_a_link_that_cannot_be_opened_is_named_with_status_1(command, url, line, capsys):
     argv = [*command, "--connect", url]
     if not command:
         assert one_line(argv, 1, capsys) == line
@@ -105,7 +105,7 @@ UNUSABLE = {
 
 
 @pytest.mark.parametrize(("url", "problem"), UNUSABLE.values(), ids=UNUSABLE)
-def test_a_url_that_is_none_is_named_as_option_and_as_key(url, problem, tmp_path, capsys):
+def test_an_invalid_url_is_named_as_option_and_as_key(url, problem, tmp_path, capsys):
     line = one_line(["--connect", url], 2, capsys)
     assert line.startswith(f"--connect: {url!r} ")
     assert problem in line
@@ -129,20 +129,20 @@ LINKS = {
 
 
 @pytest.mark.parametrize(("links", "problem"), LINKS.values(), ids=LINKS)
-def test_links_that_make_no_sense_together(links, problem, tmp_path, capsys):
+def test_links_that_exclude_each_other_are_refused(links, problem, tmp_path, capsys):
     arguments = configured(tmp_path, links=links)
     assert one_line(arguments, 2, capsys) == f"{arguments[1]}: {problem}"
 
 
 @pytest.mark.parametrize("named", ["udp::14551", "udp:127.0.0.1:14540"])
-def test_a_link_that_commands_but_is_none_is_named(named, tmp_path, capsys):
+def test_a_link_with_authority_that_is_not_configured_is_named(named, tmp_path, capsys):
     links, commands = [{"url": "udp::14550"}], {"links": ["udp::14550", named]}
     arguments = configured(tmp_path, links=links, commands=commands)
     problem = f"commands.links[1]: is {named!r}, must be one of the links (udp::14550)"
     assert one_line(arguments, 2, capsys) == f"{arguments[1]}: {problem}"
 
 
-def test_a_serial_port_that_another_program_has(capsys):
+def test_a_serial_port_in_use_by_another_program_is_named(capsys):
     first, second = pty.openpty()
     url = f"serial:{os.ttyname(second)}:57600"
     try:
@@ -155,7 +155,7 @@ def test_a_serial_port_that_another_program_has(capsys):
     assert line == f"{url}: in use by another program"
 
 
-def test_a_tcp_peer_that_is_not_there_is_told_once_and_waited_for():
+def test_an_absent_tcp_peer_is_reported_once_and_the_service_waits_for_it():
     with (
         taken(socket.SOCK_STREAM) as port,
         service("--connect", f"tcp:127.0.0.1:{port}") as running,
@@ -165,7 +165,7 @@ def test_a_tcp_peer_that_is_not_there_is_told_once_and_waited_for():
         assert running.poll() is None
 
 
-def test_without_an_autopilot_the_service_says_so_once_and_waits():
+def test_a_missing_autopilot_is_reported_once_and_the_service_waits_for_it():
     with taken() as port:
         pass
     url = f"udp:127.0.0.1:{port}"
@@ -195,12 +195,12 @@ def test_two_autopilots_are_both_named_in_the_log():
         assert running.stderr.readline().startswith("INFO autopilot link on ")
         for codec in itertools.islice(systems, 4):
             aircraft.sendto(beat.pack(codec), ("127.0.0.1", port))
-        told = next((line for line in running.stderr if "two autopilots" in line), "")
-    assert told == "INFO MOAR: two autopilots, ids 1 and 2, no control\n"
+        reported = next((line for line in running.stderr if "two autopilots" in line), "")
+    assert reported == "INFO MOAR: two autopilots, ids 1 and 2, no control\n"
 
 
 @pytest.mark.parametrize("key", ["recorder", "state"])
-def test_a_folder_that_cannot_be_written(tmp_path, capsys, key):
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, capsys, key):
     (tmp_path / "file").touch()
     for folder, why in (("file/inside", errno.ENOTDIR), ("/proc/flights", errno.ENOENT)):
         arguments = configured(tmp_path, **{key: {"directory": folder}})
@@ -213,7 +213,7 @@ def test_a_folder_that_cannot_be_written(tmp_path, capsys, key):
 MUST_BE_FREE = "must be a free name in a folder that can be written"
 
 
-def test_a_socket_of_the_view_that_cannot_be_made(tmp_path, capsys):
+def test_a_view_socket_that_cannot_be_made_is_named(tmp_path, capsys):
     (tmp_path / "file").touch()
     cases = {"file": "something else is there", "no/view.sock": os.strerror(errno.ENOENT)}
     for name, why in cases.items():
@@ -223,7 +223,7 @@ def test_a_socket_of_the_view_that_cannot_be_made(tmp_path, capsys):
         )
 
 
-def test_a_socket_in_a_folder_of_systemd_that_is_not_there(tmp_path, capsys, monkeypatch):
+def test_a_missing_socket_folder_of_systemd_is_named(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("RUNTIME_DIRECTORY", f"{tmp_path / 'no'}:{tmp_path}")
     assert one_line(configured(tmp_path), 2, capsys) == (
         f"RUNTIME_DIRECTORY: is {str(tmp_path / 'no' / 'view.sock')!r}, {MUST_BE_FREE}: "
@@ -231,7 +231,7 @@ def test_a_socket_in_a_folder_of_systemd_that_is_not_there(tmp_path, capsys, mon
     )
 
 
-def test_a_folder_of_systemd_that_cannot_be_written(tmp_path, capsys, monkeypatch):
+def test_a_folder_of_systemd_that_cannot_be_written_is_named(tmp_path, capsys, monkeypatch):
     (tmp_path / "file").touch()
     folder = tmp_path / "file" / "state"
     monkeypatch.setenv("STATE_DIRECTORY", f"{folder}:{tmp_path}")

@@ -23,7 +23,7 @@ PLAN = ["plan", SITE, "--mission", "exit"]
 
 
 def program(arguments, *, file_bytes=None, **options):
-    """The program as a process, whose files may be limited: a disk that is soon full."""
+    """The program as a process. A limit on its file size stands for a disk that is soon full."""
 
     def limit():
         if file_bytes is not None:
@@ -46,7 +46,7 @@ def recording(tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--json", "--maps", "--plot"])
-def test_a_full_device_behind_an_output_of_plan(option, capsys):
+def test_a_full_device_as_output_of_plan_is_one_line(option, capsys):
     assert cli.main([*PLAN, option, "/dev/full"]) == 1
     out, err = capsys.readouterr()
     assert "exit: found" in out
@@ -54,7 +54,7 @@ def test_a_full_device_behind_an_output_of_plan(option, capsys):
 
 
 @pytest.mark.parametrize("option", ["--json", "--plot"])
-def test_a_full_device_behind_an_output_of_replay(option, recording, capsys):
+def test_a_full_device_as_output_of_replay_is_one_line(option, recording, capsys):
     assert cli.main(["replay", recording, option, "/dev/full"]) == 1
     out, err = capsys.readouterr()
     assert "px4" in out
@@ -70,13 +70,13 @@ def test_a_disk_that_is_full_in_the_middle_leaves_no_half_file(tmp_path):
         out, err = process.communicate()
     assert process.returncode == 1
     assert "exit: found" in out
-    told = "; ".join(f"{option}: {path}: File too large" for option, path in files.items())
-    assert err == f"moar-companion: {told}\n"
+    reported = "; ".join(f"{option}: {path}: File too large" for option, path in files.items())
+    assert err == f"moar-companion: {reported}\n"
     assert [path.name for path in tmp_path.iterdir()] == ["out.maps"]
     assert files["--maps"].read_bytes() == b"old"
 
 
-def test_stdout_that_is_full_or_read_by_nobody(recording):
+def test_a_full_stdout_is_one_line_and_a_closed_stdout_is_silent(recording):
     commands = {
         "check": ["check", "--files"],
         "replay --json": ["replay", recording, "--json", "-"],

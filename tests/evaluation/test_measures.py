@@ -33,7 +33,7 @@ def test_coverage_is_the_part_of_the_interval_within_the_values(values, ends, sh
     assert measures.coverage(np.array(values), *ends) == pytest.approx(share, nan_ok=True)
 
 
-def test_a_switch_is_told_by_its_place_and_by_its_steps():
+def test_a_switch_is_measured_by_its_place_and_by_its_steps():
     levels = np.linspace(0.0, 1.0, 5)
     values = np.array([10.0, 10.0, 13.0, 18.0, 18.0])
     assert measures.first_nearer(levels, values, 10.0, 20.0) == 0.75
@@ -47,7 +47,7 @@ def test_a_switch_is_told_by_its_place_and_by_its_steps():
     assert measures.greatest_gap(points, values) == pytest.approx(0.5)
 
 
-def test_quartiles_leave_out_what_is_not_defined():
+def test_quartiles_leave_out_undefined_values():
     assert measures.quartiles(np.array([1.0, math.nan, 3.0, 2.0])) == (3, 1.5, 2.0, 2.5)
     assert measures.quartiles(np.array([math.nan]))[0] == 0
 

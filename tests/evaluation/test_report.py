@@ -36,7 +36,7 @@ def results():
     return made(EVACUATIONS, EVACUATIONS[:1])
 
 
-def test_a_table_of_scenes_ends_with_quartiles_of_what_is_known():
+def test_a_table_of_scenes_ends_with_quartiles_of_the_defined_values():
     rows = [
         {"scene": name, "a": value} for name, value in (("x", 1.0), ("y", math.nan), ("z", 3.0))
     ]
@@ -53,7 +53,7 @@ def test_a_table_of_scenes_ends_with_quartiles_of_what_is_known():
     ("value", "shown"),
     [("x", "x"), (9260, "9260"), (0.12345, "0.123"), (math.nan, "-"), (123.4, "123")],
 )
-def test_numbers_are_told_with_three_digits_and_missing_ones_as_a_dash(value, shown):
+def test_numbers_are_printed_with_three_digits_and_missing_ones_as_a_dash(value, shown):
     assert text(value) == shown
 
 
@@ -101,7 +101,7 @@ def test_the_columns_of_a_file_are_of_one_length_and_in_the_order_of_the_scenes(
     assert swept["environment"] == sorted(swept["environment"])
 
 
-def test_the_papers_flight_is_planned_as_long_and_as_slow_as_the_paper_says():
+def test_the_papers_flight_is_planned_with_the_length_and_speed_of_the_paper():
     results = flight.of_flights({})
     length_m, duration_s, least_m, _ = flight.compared(results)["planned"]
     paper = flight.IN_PAPER["paper, planned"]

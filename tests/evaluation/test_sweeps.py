@@ -59,7 +59,7 @@ def test_every_combination_has_a_path_of_least_cost(scene):
         weights = Weights.normalised(*combination)
         plan = posed.planner.solve(posed.with_weights(weights))
         sums = (plan.cost.safety, plan.cost.time, plan.cost.energy)
-        # The same optimum, told apart from others of equal J as the planner does.
+        # The same optimum, selected among those of equal J as in the planner.
         assert swept.paths.sums[path] == pytest.approx(sums, abs=1e-8)
 
 
@@ -119,7 +119,7 @@ def test_under_risks_every_path_is_that_of_a_plan_under_them():
         assert row["length: over wind"] <= row["length: coverage"] + 1e-12
 
 
-def test_a_mission_test_tells_the_vehicles_own_plan_and_its_times():
+def test_a_mission_test_reports_the_vehicles_own_plan_and_its_times():
     result = missions.run(EXIT, itertools.count().__next__, repeats=3)
     posed = problem(EXIT)
     plan = posed.planner.solve(posed.with_weights(posed.planner.vehicle.weights[Mission.EXIT]))

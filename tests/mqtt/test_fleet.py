@@ -34,7 +34,7 @@ def table(fleet, *, now_s=10.0, wall_s=WALL_S, size=(150, 30), terminal=True):
     return captured.get()
 
 
-def test_a_row_tells_state_risks_battery_and_age():
+def test_a_row_shows_state_risks_battery_and_age():
     (line,) = [text for text in table(fleet_of("a1"), now_s=10.3).splitlines() if "a1" in text]
     status = status_of(flying())
     assert f"flying inspection {flying().site.targets[0].name}"[:20] in line
@@ -53,7 +53,7 @@ def test_an_unknown_risk_is_marked_and_missing_parts_are_no_zeros():
     assert line.split()[1:] == ["?"] * 10
 
 
-def test_a_last_will_says_offline_and_what_it_was_doing():
+def test_a_last_will_shows_offline_and_the_last_state():
     fleet = fleet_of("a1")
     fleet.take("moar/a1/online", b'{"online": false}', 20.0, retained=False)
     (row,) = fleet.rows()
@@ -61,7 +61,7 @@ def test_a_last_will_says_offline_and_what_it_was_doing():
     assert "offline, was flying" in table(fleet, now_s=80.0)
 
 
-def test_what_a_broker_had_retained_has_its_age_by_the_vehicles_clock():
+def test_a_retained_message_has_its_age_by_the_vehicles_clock():
     (row,) = fleet_of("a1", retained=True).rows()
     assert row.received_s is None
     assert row.age_s(1e6, row.reported_s + 90.0) == pytest.approx(90.0)
@@ -86,7 +86,7 @@ def test_any_message_is_taken_without_an_error(topic, payload):
     table(fleet)
 
 
-def test_strangers_cannot_fill_the_memory_nor_move_the_cursor():
+def test_unknown_senders_cannot_fill_the_memory_nor_move_the_cursor():
     fleet = Fleet()
     for number in range(3000):
         fleet.take(f"moar/v{number}/online", b'{"online": true}', 0.0, retained=False)

@@ -93,7 +93,7 @@ def test_an_order_that_the_broker_kept_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [
         ({"mission": "land"}, "mission: "),
         ({"target": -1}, "target: "),
@@ -103,9 +103,11 @@ def test_an_order_that_the_broker_kept_is_refused():
         ({"speed": 3}, "speed: "),
     ],
 )
-def test_a_signed_order_that_is_none_is_refused_with_the_field(change, told):
+def test_a_signed_payload_that_is_no_order_is_refused_with_the_field(change, reported):
     content = json.loads(order().model_dump_json()) | change
-    assert refused(checks().check(signed_text(json.dumps(content)), START_S + 6.0)).startswith(told)
+    assert refused(checks().check(signed_text(json.dumps(content)), START_S + 6.0)).startswith(
+        reported
+    )
 
 
 def signed_text(text):
@@ -141,13 +143,13 @@ def give(desk, link, nonce, word, index=None):
 
 
 def answers(desk, link):
-    """What is answered on the order's link since the last call, as (order, result, reason)."""
+    """The answers on the order's link since the last call, as (order, result, reason)."""
     packets = [bytes(message.get_msgbuf()) for _, url, message in desk.sent if url == ORDER_LINK]
     desk.sent.clear()
     return [(item.order_id, item.result.name, item.reason) for item in link.answers(packets)]
 
 
-def test_an_order_flies_as_a_ground_stations_and_is_answered_with_its_words():
+def test_an_mqtt_order_is_flown_and_answered_like_an_order_of_a_ground_station():
     desk, link = taking_orders().run(2.0), OrderLink(195)
     give(desk, link, "first", "inspection").run_until("ready")
     assert answers(desk, link) == [("first", "ACCEPTED", "")]
@@ -158,7 +160,7 @@ def test_an_order_flies_as_a_ground_stations_and_is_answered_with_its_words():
     assert answers(desk, link)[-1] == ("third", "ACCEPTED", "")
 
 
-def test_a_denied_order_is_told_why():
+def test_a_denied_order_is_answered_with_the_reason():
     desk, link = taking_orders().run(2.0), OrderLink(195)
     give(desk, link, "far", "inspection", 99).run(0.2)
     ((nonce, result, reason),) = answers(desk, link)
@@ -166,7 +168,7 @@ def test_a_denied_order_is_told_why():
     assert reason.startswith("MOAR: no target 99")
 
 
-def test_the_rules_for_mavlink_senders_do_not_bar_what_a_key_allows():
+def test_the_rules_for_mavlink_senders_do_not_block_orders_signed_with_the_key():
     rules = Commands(systems=(42,), components=(7,), links=("udp:a",), signed_only=True)
     desk, link = taking_orders(commands=rules).run(2.0), OrderLink(195)
     give(desk, link, "signed", "inspection").run_until("ready")
@@ -178,8 +180,8 @@ def test_an_order_that_another_overtakes_is_cancelled():
     give(desk, link, "first", "inspection").run(0.5)
     assert answers(desk, link) == [("first", "IN_PROGRESS", "")]
     give(desk, link, "second", "hold").run(0.5)
-    told = {nonce: result for nonce, result, _ in answers(desk, link)}
-    assert told == {"first": "CANCELLED", "second": "ACCEPTED"}
+    reported = {nonce: result for nonce, result, _ in answers(desk, link)}
+    assert reported == {"first": "CANCELLED", "second": "ACCEPTED"}
 
 
 def test_by_default_there_is_no_link_for_orders():
@@ -207,10 +209,12 @@ def test_more_orders_than_a_cycle_takes_are_rejected_for_now(waiting):
     for number in range(20):
         given = order(f"{number:016d}", mission="hold")
         waiting.receive(signed_order(given, "a1", KEY), retained=False)
-    told = replies(waiting)
+    reported = replies(waiting)
     assert len(waiting.take()) == 8
-    assert [reply["nonce"] for reply in told] == [f"{number:016d}" for number in range(8, 20)]
-    assert {(reply["result"], reply["final"]) for reply in told} == {("TEMPORARILY_REJECTED", True)}
+    assert [reply["nonce"] for reply in reported] == [f"{number:016d}" for number in range(8, 20)]
+    assert {(reply["result"], reply["final"]) for reply in reported} == {
+        ("TEMPORARILY_REJECTED", True)
+    }
 
 
 def test_a_flood_of_wrong_orders_is_neither_answered_nor_logged_for_long(waiting, caplog):

@@ -14,7 +14,7 @@ def test_pauses_double_up_to_half_a_minute():
 
 
 @pytest.mark.parametrize("random", [0.0, 0.25, 0.999])
-def test_chance_spreads_a_fleet_over_half_of_each_pause(random):
+def test_random_pauses_spread_the_reconnections_of_a_fleet(random):
     backoff, usual = Backoff(), Backoff()
     for _ in range(8):
         pause_s, whole_s = backoff.pause_s(random, 0.0), usual.pause_s(1.0, 0.0)
@@ -36,7 +36,7 @@ def test_connections_that_end_at_once_do_not():
 
 def test_one_line_is_logged_per_change():
     log = ConnectionLog("mqtt://a:1883")
-    told = [
+    reported = [
         log.lost("connection refused"),
         log.lost("connection refused"),
         log.lost("certificate verify failed"),
@@ -44,7 +44,7 @@ def test_one_line_is_logged_per_change():
         log.connected(),
         log.lost("connection refused"),
     ]
-    assert told == [
+    assert reported == [
         "MQTT: no connection: mqtt://a:1883: connection refused; flying on, trying again",
         None,
         "MQTT: no connection: mqtt://a:1883: certificate verify failed; flying on, trying again",

@@ -1,4 +1,4 @@
-"""What is published: the table of topics, its payloads, and when each is due."""
+"""Published topics: their table, their payloads and their times."""
 
 import copy
 import json
@@ -32,44 +32,44 @@ def published(status, publication=None, now_s=0.0):
     return {message.topic.removeprefix("moar/a1/"): message for message in messages}
 
 
-def test_before_anything_is_heard_every_payload_but_the_plan_tells_what_is_unknown():
-    told = published(status_of(Desk()))
-    assert set(told) == {topic.name for topic in TOPICS} - {"plan"}
-    assert strict(told["battery"].payload)["remaining"] is None
-    assert strict(told["position"].payload)["latitude_deg"] is None
-    risks = strict(told["risk"].payload)["risk"]
+def test_before_the_first_packet_every_payload_but_the_plan_marks_unknown_values():
+    reported = published(status_of(Desk()))
+    assert set(reported) == {topic.name for topic in TOPICS} - {"plan"}
+    assert strict(reported["battery"].payload)["remaining"] is None
+    assert strict(reported["position"].payload)["latitude_deg"] is None
+    risks = strict(reported["risk"].payload)["risk"]
     assert [index["known"] for index in risks.values()] == [False] * 4
 
 
-def test_in_flight_the_payloads_say_what_the_status_says():
+def test_in_flight_the_payloads_have_the_values_of_the_status():
     status = status_of(flying())
-    told = {name: strict(item.payload) for name, item in published(status).items()}
-    assert set(told) == {topic.name for topic in TOPICS}
-    assert told["mission"]["state"] == "flying"
-    assert told["mission"]["target"] == flying().site.targets[0].name
-    assert told["mission"]["since_s"] == pytest.approx(
+    reported = {name: strict(item.payload) for name, item in published(status).items()}
+    assert set(reported) == {topic.name for topic in TOPICS}
+    assert reported["mission"]["state"] == "flying"
+    assert reported["mission"]["target"] == flying().site.targets[0].name
+    assert reported["mission"]["since_s"] == pytest.approx(
         status["time_s"] - status["mission"]["for_s"], abs=0.06
     )
-    assert told["position"]["position_m"] == pytest.approx(
+    assert reported["position"]["position_m"] == pytest.approx(
         status["aircraft"]["position_m"], abs=1e-4
     )
-    for name, index in told["risk"]["risk"].items():
+    for name, index in reported["risk"]["risk"].items():
         assert index["value"] == pytest.approx(status["risk"][name]["value"], abs=1e-4)
         assert index["words"] == status["risk"][name]["words"]
-    assert told["weights"]["adjusted"]["safety"] == pytest.approx(
+    assert reported["weights"]["adjusted"]["safety"] == pytest.approx(
         status["weights"]["adjusted"]["safety"], abs=1e-4
     )
-    assert told["plan"]["path"][0]["z_m"] == pytest.approx(
+    assert reported["plan"]["path"][0]["z_m"] == pytest.approx(
         flying().decided("plan")[-1]["plan"]["waypoints"][0]["z_m"]
     )
 
 
-def test_of_the_risks_inputs_those_are_told_that_were_ever_heard():
+def test_only_risk_inputs_that_were_received_are_published():
     status = status_of(flying())
-    told = strict(published(status)["risk/inputs"].payload)["inputs"]
+    reported = strict(published(status)["risk/inputs"].payload)["inputs"]
     for name, index in status["risk"].items():
         received = [item["name"] for item in index["inputs"] if item["age_s"] is not None]
-        assert [item["name"] for item in told[name]] == received
+        assert [item["name"] for item in reported[name]] == received
 
 
 @given(
@@ -101,7 +101,7 @@ def floats(value):
                 yield from floats(item)
 
 
-def test_each_topic_comes_as_often_as_the_table_says():
+def test_each_topic_is_published_at_the_rate_of_the_table():
     publication, status, counts = Publication("a1"), status_of(flying()), {}
     for step in range(120):
         for name in published(status, publication, 100.0 + 0.5 * step):
@@ -111,7 +111,7 @@ def test_each_topic_comes_as_often_as_the_table_says():
     }
 
 
-def test_events_are_told_at_once_and_only_when_their_content_changes():
+def test_events_are_published_at_once_and_only_when_their_content_changes():
     publication, status = Publication("a1"), status_of(flying())
     published(status, publication)
     later = {**status, "time_s": status["time_s"] + 1.0}
@@ -120,12 +120,12 @@ def test_events_are_told_at_once_and_only_when_their_content_changes():
     later["plan"] = {**status["plan"], "age_s": status["plan"]["age_s"] + 1.0}
     assert not EVENTS & set(published(later, publication, 0.1))
     later["mission"] = {**later["mission"], "state": "holding"}
-    told = published(later, publication, 0.1)
-    assert set(told) == {"mission"}
-    assert (told["mission"].qos, told["mission"].retain) == (1, True)
+    reported = published(later, publication, 0.1)
+    assert set(reported) == {"mission"}
+    assert (reported["mission"].qos, reported["mission"].retain) == (1, True)
 
 
-def test_after_a_new_connection_everything_is_told_anew():
+def test_after_a_new_connection_every_topic_is_published_again():
     publication, status = Publication("a1"), status_of(flying())
     published(status, publication)
     assert not published(status, publication)
@@ -133,14 +133,14 @@ def test_after_a_new_connection_everything_is_told_anew():
     assert set(published(status, publication)) == {topic.name for topic in TOPICS}
 
 
-def test_statuses_that_come_late_are_not_made_up_for():
+def test_late_statuses_are_skipped():
     publication, status = Publication("a1"), status_of(flying())
     published(status, publication, 0.0)
     assert "position" in published(status, publication, 60.0)
     assert "position" not in published(status, publication, 60.1)
 
 
-def test_no_topic_is_told_twice_and_every_row_of_the_table_has_its_schema():
+def test_no_topic_is_published_twice_and_every_row_of_the_table_has_its_schema():
     names = [topic.name for topic in TOPICS]
     assert len(set(names)) == len(names)
     assert all(f"{name.replace('/', '_')}.json" in schemas() for name in names)
@@ -185,7 +185,7 @@ def fits(value, schema, definitions):
             fits(item, schema["properties"][key], definitions)
 
 
-def test_a_will_knows_no_time():
+def test_a_last_will_has_no_time():
     assert strict(payloads.Online(online=False).model_dump_json()) == {
         "online": False,
         "since_s": None,

@@ -1,4 +1,4 @@
-"""The thread that writes: everything, in order, and nobody waits for it."""
+"""The writer thread: it writes all data in order and delays no caller."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from moar_companion.outlets.background_writer import BackgroundWriter
 
 
 class Disk:
-    """Keeps what is written to it; stands still while it is stopped."""
+    """A disk that keeps the written data; it stalls while it is stopped."""
 
     def __init__(self):
         self.batches = []
@@ -46,7 +46,7 @@ def test_everything_is_written_in_order(disk):
     assert disk.written == [(b"%d" % number, b"") for number in range(1000)]
 
 
-def test_what_comes_within_a_period_is_one_batch_and_the_end_does_not_wait_for_it(disk):
+def test_data_of_one_period_is_one_batch_and_close_does_not_wait_for_the_period(disk):
     writer = BackgroundWriter("test", disk.write, period_s=3600.0)
     writer.put(b"a")
     writer.put(b"b")
@@ -54,7 +54,7 @@ def test_what_comes_within_a_period_is_one_batch_and_the_end_does_not_wait_for_i
     assert disk.batches == [[(b"a",), (b"b",)]]
 
 
-def test_of_what_waits_for_a_disk_that_stands_still_there_is_only_so_much(disk):
+def test_the_queue_for_a_stalled_disk_is_limited(disk):
     disk.goes.clear()
     writer = BackgroundWriter("test", disk.write, most_bytes=10)
     assert writer.put(b"first")
@@ -65,7 +65,7 @@ def test_of_what_waits_for_a_disk_that_stands_still_there_is_only_so_much(disk):
     assert disk.written == [(b"first",), (b"abcd",), (b"g",)]
 
 
-def test_there_is_room_again_when_the_disk_goes_on(disk):
+def test_the_queue_accepts_data_again_when_the_disk_resumes(disk):
     disk.goes.clear()
     writer = BackgroundWriter("test", disk.write, most_bytes=3)
     assert writer.put(b"abc")
@@ -79,7 +79,7 @@ def test_there_is_room_again_when_the_disk_goes_on(disk):
     assert disk.written == [(b"abc",), (b"e",)]
 
 
-def test_the_end_does_not_wait_for_ever(disk, monkeypatch):
+def test_close_does_not_wait_for_ever(disk, monkeypatch):
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disk.goes.clear()
     item = BackgroundWriter("test", disk.write)

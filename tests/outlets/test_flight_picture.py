@@ -33,7 +33,7 @@ def decided(*records):
     ],
     ids=["of nothing", "of one instant", "of one state"],
 )
-def test_a_story_of_no_time_can_be_drawn(story, tmp_path):
+def test_a_flight_of_zero_duration_can_be_drawn(story, tmp_path):
     picture = tmp_path / "flight.png"
     draw_flight(story, [], SITE, VEHICLE, build_maps(SITE, VEHICLE), picture)
     assert np.ptp(image.imread(picture)) > 0.0

@@ -1,4 +1,4 @@
-"""The live view of a status: its content, and that it fits."""
+"""The live view of a status: its content and its size."""
 
 import copy
 import io
@@ -136,7 +136,7 @@ def test_the_page_fits_its_terminal_with_three_notes(status, width, height):
     assert [line.strip() for line in lines[-3:]] == ["one", "two", "three"]
 
 
-def test_what_matters_is_on_the_smallest_page():
+def test_the_important_values_are_on_the_smallest_page():
     text = page(FLYING)
     for words in (
         "px4, system 7   OFFBOARD, armed",
@@ -161,7 +161,7 @@ def test_what_matters_is_on_the_smallest_page():
         assert words in text
 
 
-def test_what_is_unknown_is_called_so_and_never_a_number():
+def test_an_unknown_value_is_shown_as_unknown_and_never_as_a_number():
     text = page(UNKNOWN, 140, 40)
     assert "no autopilot is received" in text
     assert "clearance unknown" in text
@@ -191,7 +191,7 @@ def test_bars_are_as_long_as_the_indices():
     assert {line.count("█") + line.count("░") for line in lines.values()} == {20}
 
 
-def test_into_a_file_it_is_plain_text_with_everything():
+def test_into_a_file_the_page_is_complete_plain_text():
     text = page(FLYING, terminal=False)
     assert "\x1b" not in text
     assert "radio margin here" in text
@@ -204,7 +204,7 @@ def test_a_failsafe_and_a_silent_autopilot_stand_out():
 
 
 @pytest.mark.parametrize("status", [FLYING, UNKNOWN], ids=["flying", "unknown"])
-def test_a_service_that_says_nothing_is_not_mistaken_for_one_that_flies(status):
+def test_a_silent_service_is_not_mistaken_for_one_that_flies(status):
     """Its mode is long past; the first line is seen in a terminal of any height."""
     assert "no word from the service" not in page(status, silent_s=1.0)
     head, *_ = page(status, silent_s=3.4).splitlines()
@@ -212,7 +212,7 @@ def test_a_service_that_says_nothing_is_not_mistaken_for_one_that_flies(status):
     assert "OFFBOARD" not in head
 
 
-def test_a_silence_is_told_in_the_same_words_without_a_page():
+def test_a_silent_service_is_reported_with_the_same_text_without_a_page():
     assert silence_of(1.9) is None
     assert silence_of(3.4) == "no data from the service for 3 s"
 
@@ -252,7 +252,7 @@ def test_names_cannot_move_the_terminals_cursor():
     assert "\n" not in line_of(status)
 
 
-def test_one_line_has_the_gist():
+def test_the_one_line_form_has_the_important_values():
     line = line_of(FLYING)
     for words in (
         "flying inspection of splice-inner",
@@ -270,12 +270,12 @@ def test_a_landing_point_is_a_goal_by_its_number():
     assert "landing leg exit to landing point 0" in page(status)
 
 
-def test_it_shows_what_went_through_json():
+def test_a_status_is_shown_the_same_after_json():
     assert page(json.loads(json.dumps(FLYING))) == page(FLYING)
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 24), (140, 40)])
-def test_signed_links_show_what_they_have_refused(width, height):
+def test_signed_links_show_the_packets_that_they_have_refused(width, height):
     none = {"unsigned": 0, "wrong": 0, "old": 0}
     counts = {"serial:/dev/ttyTHS1:921600": none, "udp::14551": none}
     text = page({**FLYING, "refused": counts}, width, height)
@@ -288,7 +288,7 @@ def test_signed_links_show_what_they_have_refused(width, height):
     assert "refused" not in page({**FLYING, "refused": None}, width, height)
 
 
-def test_what_the_sensor_sees_is_a_row_where_there_is_one():
+def test_a_row_of_the_page_shows_the_sensor_if_there_is_one():
     seen = {
         "scan_age_s": 0.12,
         "returns": 0.46,

@@ -1,4 +1,4 @@
-"""The log on stderr: what was said, in order, and nobody waits for who reads it."""
+"""The log on stderr: all lines in order; a slow reader delays no caller."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ logger = logging.getLogger("test")
 
 @pytest.fixture
 def pipe():
-    """A pipe that stands still."""
+    """A stalled pipe."""
     return stopped_pipe()
 
 
@@ -53,7 +53,7 @@ def all_of(pipe):
 
 
 @pytest.mark.parametrize("error", [None, RuntimeError, KeyboardInterrupt])
-def test_what_was_said_before_the_end_is_written_whatever_ends_it(error, pipe):
+def test_lines_logged_before_the_end_are_written_after_any_error(error, pipe):
     def say():
         with log_to(pipe.writing):
             logger.debug("not told")
@@ -77,13 +77,13 @@ def test_what_was_said_before_the_end_is_written_whatever_ends_it(error, pipe):
 
 def test_a_name_that_is_no_text_is_written_all_the_same(pipe):
     with log_to(pipe.writing):
-        # Not by a logger: what those say is sent from one process of the tests to another, as text.
+        # Not by a logger: the test processes send logged lines to each other as text.
         logging.getLogger().handlers[-1].stream.write("a\udce9b\n")
         pipe.go_on()
     assert all_of(pipe) == ["a\\udce9b"]
 
 
-def test_a_pipe_that_nobody_reads_loses_lines_and_says_how_many(pipe, monkeypatch):
+def test_a_pipe_without_a_reader_loses_lines_and_reports_how_many(pipe, monkeypatch):
     monkeypatch.setattr(log, "_MOST_BYTES", 1000)
     with log_to(pipe.writing):
         for number in range(200):
@@ -94,8 +94,8 @@ def test_a_pipe_that_nobody_reads_loses_lines_and_says_how_many(pipe, monkeypatc
             if b"lost" in pipe.data:
                 break
             time.sleep(0.01)
-    told, lost, expected = all_of(pipe), 0, 0
-    for line in told:
+    written, lost, expected = all_of(pipe), 0, 0
+    for line in written:
         if found := re.fullmatch(
             r"WARNING (\d+) lines are lost here: stderr did not take them", line
         ):
@@ -108,14 +108,14 @@ def test_a_pipe_that_nobody_reads_loses_lines_and_says_how_many(pipe, monkeypatc
     assert expected == number + 1
 
 
-def test_the_end_does_not_wait_for_ever_for_who_reads(pipe, monkeypatch):
+def test_the_end_does_not_wait_for_ever_for_a_reader(pipe, monkeypatch):
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     with log_to(pipe.writing):
         logger.info("said")
     assert all_of(pipe) == ["INFO said"]
 
 
-def test_a_pipe_that_is_closed_is_not_complained_of():
+def test_a_closed_pipe_causes_no_error():
     reading, writing = os.pipe()
     os.close(reading)
     with log_to(writing):
@@ -124,7 +124,7 @@ def test_a_pipe_that_is_closed_is_not_complained_of():
     assert threads() == []
 
 
-def test_what_is_logged_afterwards_is_as_it_was_before(pipe):
+def test_the_former_logging_is_restored_afterwards(pipe):
     root = logging.getLogger()
     before = (root.level, list(root.handlers))
     with log_to(pipe.writing):

@@ -60,7 +60,7 @@ def test_an_outline_has_the_time_at_which_it_was_reported_first():
     assert SeenStory.of(DECISIONS).solids == ((3.0, OUTLINE),)
 
 
-def test_before_the_first_place_it_was_seen_from_nowhere():
+def test_a_conductor_seen_before_the_first_position_has_no_viewpoint():
     (sight,) = SeenStory.of([*DECISIONS[:1], seen(0.1, ("seen-1", 1.0, 2.0))]).conductors
     assert all(math.isnan(each) for each in sight.from_m)
 
@@ -86,21 +86,27 @@ def rgb(colour):
     return tuple(round(255 * part) for part in colour[:3])
 
 
-def test_what_was_seen_is_drawn_over_what_is_there_and_what_was_told(tmp_path):
+def test_seen_obstacles_are_drawn_over_the_true_and_the_configured_ones(tmp_path):
     true = SITE.with_obstacles((*SITE.obstacles, JIB))
-    told = replace(SITE, obstacles=())
+    configured = replace(SITE, obstacles=())
     flown = [(27.0, 2.5), (27.0, 5.0)]
     file = tmp_path / "perceived.png"
     draw_perceived(
-        SeenStory.of(DECISIONS), flown, true, told, named_vehicle("x500"), file, added=("jib",)
+        SeenStory.of(DECISIONS),
+        flown,
+        true,
+        configured,
+        named_vehicle("x500"),
+        file,
+        added=("jib",),
     )
     drawn = colours_of(file)
     assert rgb(colormaps["plasma"](0.0)) in drawn
-    assert {(0xC2, 0x18, 0x5B), (0x15, 0x65, 0xC0)} <= drawn  # added; told
+    assert {(0xC2, 0x18, 0x5B), (0x15, 0x65, 0xC0)} <= drawn  # added; configured
 
 
 @pytest.mark.parametrize("decisions", [[], DECISIONS[:1]], ids=["none", "no place"])
-def test_a_flight_that_saw_nothing_has_a_picture_too(tmp_path, decisions):
+def test_a_flight_without_seen_obstacles_has_a_picture_too(tmp_path, decisions):
     file = tmp_path / "perceived.png"
     draw_perceived(SeenStory.of(decisions), [], SITE, SITE, named_vehicle("x500"), file)
     assert colours_of(file)

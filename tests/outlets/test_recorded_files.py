@@ -59,7 +59,7 @@ def test_a_flight_that_a_person_removes_meanwhile_does_not_count(tmp_path, monke
     assert left(tmp_path) == []
 
 
-def test_files_of_others_stay(tmp_path):
+def test_files_of_other_programs_stay(tmp_path):
     folder = recorded(tmp_path, 1, "flight.tlog", "notes.txt", "flight.png")
     (tmp_path / "flight_plan").mkdir()
     (tmp_path / "flight_plan" / "flight.tlog").write_bytes(bytes(100))

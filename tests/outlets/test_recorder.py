@@ -52,7 +52,7 @@ def test_decisions_are_one_json_object_a_line_with_wall_clock_times(tmp_path):
     ]
 
 
-def test_what_was_written_is_in_the_files_before_they_are_closed(tmp_path, monkeypatch):
+def test_written_records_are_in_the_files_before_they_are_closed(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
@@ -76,7 +76,7 @@ def test_a_full_disk_ends_the_recording_with_one_warning_and_no_error(
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
     recorder.close()
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
-    assert told(caplog) == [f"recording ended: {recorder.folder}: No space left on device"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: No space left on device"]
 
 
 def test_a_folder_that_was_deleted_ends_the_recording_which_would_be_lost(
@@ -87,15 +87,15 @@ def test_a_folder_that_was_deleted_ends_the_recording_which_would_be_lost(
     shutil.rmtree(recorder.folder)
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
     recorder.close()
-    assert told(caplog) == [f"recording ended: {recorder.folder}: the folder is gone"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: the folder is gone"]
     assert isinstance(recorder.ended, FileNotFoundError)
 
 
-def told(caplog):
+def reported(caplog):
     return [record.getMessage() for record in caplog.records]
 
 
-def test_a_disk_that_stands_still_keeps_nobody_waiting_and_what_is_recorded_has_no_gap(
+def test_a_stalled_disk_delays_no_caller_and_the_recorded_data_has_no_gap(
     tmp_path, monkeypatch, caplog
 ):
     monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
@@ -105,7 +105,7 @@ def test_a_disk_that_stands_still_keeps_nobody_waiting_and_what_is_recorded_has_
     record = 8 + len(heartbeat())
     for number in range(1000):
         recorder.write([(number, heartbeat())], [])
-    assert told(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
     (disk,) = disks
     disk.go_on()
     recorder.write([(1000.0, heartbeat())], [])
@@ -113,16 +113,16 @@ def test_a_disk_that_stands_still_keeps_nobody_waiting_and_what_is_recorded_has_
     data = disk.rest()
     stamps = [int.from_bytes(data[at : at + 8], "big") for at in range(0, len(data), record)]
     assert stamps == [round((OFFSET_S + number) * 1e6) for number in range(10_000 // record)]
-    assert len(told(caplog)) == 1
+    assert len(reported(caplog)) == 1
 
 
-def test_the_end_does_not_wait_for_ever_for_a_disk_that_stands_still(tmp_path, monkeypatch, caplog):
+def test_the_end_does_not_wait_for_ever_for_a_stalled_disk(tmp_path, monkeypatch, caplog):
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disks = stop_recordings(monkeypatch)
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)
     recorder.write([(0.0, heartbeat())], [])
     recorder.close()
-    assert told(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
     assert len(disks[0].rest()) == 8 + len(heartbeat())
 
 

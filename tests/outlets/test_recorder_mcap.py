@@ -72,7 +72,7 @@ def test_messages_are_in_a_file_that_readers_of_mcap_read(tmp_path):
     assert [item.encoding for item in summary.schemas.values()] == ["jsonschema"]
 
 
-def test_a_long_recording_goes_on_in_parts_that_each_begin_with_what_is_latched(
+def test_a_long_recording_has_parts_that_each_begin_with_the_latched_messages(
     tmp_path, monkeypatch
 ):
     monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)

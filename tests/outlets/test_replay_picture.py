@@ -63,7 +63,7 @@ def test_a_picture_has_a_panel_more_for_clearance_and_a_band_more_for_missions()
     assert plain.shape[0] < flown.shape[0] < placed.shape[0]
 
 
-def test_what_is_unknown_is_no_curve_at_zero():
+def test_an_unknown_value_is_no_curve_at_zero():
     unknown = pixels(replay_of([sample(t, None, armed=None) for t in range(20)]))
     zero = pixels(replay_of([sample(t, 0.0, armed=None) for t in range(20)]))
     blue = np.array([0x1F, 0x77, 0xB4]) / 255.0
@@ -77,7 +77,7 @@ def test_what_is_unknown_is_no_curve_at_zero():
     assert curve(unknown) == 0
 
 
-def test_why_an_index_was_great_is_told_with_the_first_time_it_was():
+def test_the_reason_of_a_high_index_is_shown_at_its_first_time():
     samples = [sample(0.0, 0.1), sample(1.0, 0.9, why=None), sample(2.0, 0.9), sample(3.0, 0.9)]
     assert replay_picture._greatest("wind", samples) == "at most 0.90, at 2 s\ntilt"
     assert replay_picture._greatest("wind", samples[:1]) == "at most 0.10, at 0 s"
@@ -128,7 +128,7 @@ def test_the_important_events_find_room_first():
     assert left_out > 0
 
 
-def test_chatter_is_not_named():
+def test_unimportant_texts_are_not_named():
     texts = ["autopilot info: x", "companion notice: y", "autopilot warning: z"]
     events = [ReplayEvent(time_s=1.0, kind="text", text=text) for text in texts]
     labels, left_out = replay_picture._placed(events, 10.0)
@@ -152,9 +152,7 @@ def drawn(replay, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", ["mode", "mission"])
-def test_a_mode_too_short_for_its_name_is_named_above_and_no_name_lies_on_another(
-    monkeypatch, kind
-):
+def test_a_mode_too_short_for_its_name_is_named_above_and_names_do_not_overlap(monkeypatch, kind):
     """Eight in seven seconds, one of them between two samples, as in a recording of a pilot's."""
     began = [(0.0, "GUIDED"), (16.2, "LOITER"), (18.2, "GUIDED"), (40.3, "POSHOLD")]
     began += [(41.5, "GUIDED"), (42.7, "ACRO"), (43.2, "GUIDED"), (43.3, "BRAKE")]

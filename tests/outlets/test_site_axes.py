@@ -33,7 +33,7 @@ def test_a_plane_on_other_axes_has_names_that_do_not_overlap():
     assert not any(a.overlaps(b) for n, a in enumerate(boxes) for b in boxes[:n])
 
 
-def test_the_view_holds_what_matters_and_not_what_is_far():
+def test_the_view_holds_the_flown_region_and_no_distant_obstacle():
     near = view_of(SITE, VEHICLE, [(27.0, 2.5), (40.0, 0.0)])
     assert near[0] < 0.0
     assert near[1] > 40.0

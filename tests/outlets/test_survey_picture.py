@@ -46,9 +46,9 @@ def labels(survey):
     return [each.get_label() for each in legend_of(survey)]
 
 
-def test_the_legend_names_what_was_left_out_with_its_distance():
-    told = labels(SurveyView(document=DOCUMENT, marks=(LINE, TARGET, TOWER)))
-    assert told == [
+def test_the_legend_names_the_parts_left_out_with_their_distance():
+    shown = labels(SurveyView(document=DOCUMENT, marks=(LINE, TARGET, TOWER)))
+    assert shown == [
         "conductor", "target", "tower, obstacle", "keep-out of a conductor", "workspace", "plane",
         "left out: tower T2, 34 m from the plane",
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The simulated lidar on an aircraft, and what live perception makes of its packets."""
+"""The simulated lidar on an aircraft, and the reports of live perception."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Rig:
     def run(self, seconds: float) -> Iterator[PerceptionReport]:
         until_s = self.time_s + seconds
         while self.time_s < until_s:
-            self._tell_poses()
+            self._send_poses()
             spent_s = process_time()
             if self.packets_flow:
                 pose_at = self.flight.sensor_pose(self.settings.mount)
@@ -119,7 +119,7 @@ class Rig:
                 self.cost_s = process_time() - spent_s
                 yield report
 
-    def _tell_poses(self) -> None:
+    def _send_poses(self) -> None:
         while self.poses_flow and self._reported_s["position"] <= self.time_s:
             time_s = self._reported_s["position"]
             error = self._random.normal(0.0, self.flight.position_noise_m, 3)

@@ -1,4 +1,4 @@
-"""Point clouds of power lines made for tests: what stands where is known."""
+"""Point clouds of power lines, made for tests: the true place of every object is known."""
 
 from __future__ import annotations
 

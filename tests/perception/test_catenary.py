@@ -39,8 +39,8 @@ def test_noise_moves_the_curve_by_its_standard_deviation():
         at = scene.place(100.0, 2.0, scene.height(wire, 100.0))
         along, lateral, up = curve.coordinates(at[None])[0]
         deviation = np.sqrt(np.diag(curve.covariance_at(along)))
-        told = curve.coordinates(curve.points_at(np.array([along])))[0, 1:]
-        inside.append(abs(told - (lateral, up)) / deviation)
+        fitted = curve.coordinates(curve.points_at(np.array([along])))[0, 1:]
+        inside.append(abs(fitted - (lateral, up)) / deviation)
     assert 0.5 < np.mean(np.square(inside)) < 2.0
 
 
@@ -58,7 +58,7 @@ def test_agrees_with_an_ordinary_fit_of_scipy():
     assert abs(ours - catenary(sample, *best)).max() < 0.01
 
 
-def test_a_third_of_outliers_moves_nothing():
+def test_a_third_of_outliers_does_not_move_the_curve():
     scene, cloud = points(4)
     far = cloud[::2] + scene.random.uniform(-3.0, 3.0, cloud[::2].shape)
     clean, dirty = fit(cloud, scene.along), fit(np.vstack((cloud, far)), scene.along)
@@ -90,7 +90,7 @@ def test_crosses_a_vertical_plane_where_the_wire_does():
 
 
 @pytest.mark.parametrize("distance_m", [0.3, 0.4, 0.5])
-def test_the_two_wires_of_a_bundle_are_told_apart(distance_m):
+def test_the_two_wires_of_a_bundle_are_separated(distance_m):
     scene, cloud = points(8, Wire(lateral_m=2.0, lowest_m=15.0, bundle_m=distance_m))
     _, wires, sigma = wires_of(cloud, fit(cloud, scene.along))
     middle = scene.place(100.0, 0.0, 0.0)

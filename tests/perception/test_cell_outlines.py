@@ -30,7 +30,7 @@ def test_a_concave_shape_is_not_filled_up():
     assert len(found) == 8
 
 
-def test_what_touches_at_a_corner_alone_is_two_parts():
+def test_cells_that_touch_only_at_a_corner_are_two_parts():
     assert len(outlines(cells("#.", ".#"))) == 2
 
 
@@ -44,7 +44,7 @@ def test_a_ring_that_closes_at_a_corner_is_a_simple_outline():
     assert shapely.Polygon(found).area == 8.0
 
 
-def test_what_encloses_free_space_is_cut():
+def test_an_outline_around_free_space_is_cut():
     drawn = cells("#####", "#...#", "#...#", "#####")
     found = [shapely.Polygon(each) for each in outlines(drawn, 4)]
     assert len(found) == 2

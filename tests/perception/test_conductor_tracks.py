@@ -1,4 +1,4 @@
-"""Conductors from scan to scan: confirmed, named, remembered, forgotten."""
+"""Conductors from scan to scan: confirmed, named, kept, dropped."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_the_wires_of_a_bundle_are_two():
     assert len(confirmed(sighting(5.0, 12.0), sighting(5.4, 12.0)).conductors) == 2
 
 
-def test_a_single_sighting_is_forgotten():
+def test_a_single_sighting_is_dropped():
     tracks = ConductorTracks()
     tracks.step([sighting(5.0, 12.0)], 0.0, NOTHING)
     for number in range(4):
@@ -79,7 +79,7 @@ def test_a_single_sighting_is_forgotten():
 
 
 @pytest.mark.parametrize("behind", [(), ((10.0, 14.0),)], ids=["sky", "something behind"])
-def test_what_is_looked_at_and_not_seen_is_forgotten_within_seconds(behind):
+def test_a_conductor_in_view_that_is_not_seen_is_dropped_within_seconds(behind):
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 24):
         tracks.step([], 0.1 * number, rays_to(*behind))
@@ -90,14 +90,14 @@ def test_what_is_looked_at_and_not_seen_is_forgotten_within_seconds(behind):
 
 @pytest.mark.parametrize("place", [(2.5, 11.0), (5.0, 12.0), (0.5, 10.2)], ids=[
     "hidden", "something is there", "the sensor is covered"])  # fmt: skip
-def test_what_is_hidden_is_remembered(place):
+def test_a_hidden_conductor_is_kept(place):
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 200):
         tracks.step([], 0.1 * number, rays_to(place))
     assert len(tracks.conductors) == 1
 
 
-def test_what_is_farther_than_it_was_ever_seen_is_remembered():
+def test_a_conductor_farther_away_than_it_was_ever_seen_is_kept():
     tracks = confirmed(sighting(5.0, 12.0))
     away = PlaneRays.of(np.zeros((0, 3)), np.array([-2.0, 0.0, 10.0]), 720)
     for number in range(5, 200):
@@ -112,7 +112,7 @@ def test_a_wire_beside_its_old_place_replaces_it_after_an_estimate_has_wandered(
     assert [each.name for each in tracks.conductors] == ["seen-2"]
 
 
-def test_a_hidden_wire_farther_from_one_that_is_seen_is_remembered():
+def test_a_hidden_wire_farther_from_one_that_is_seen_is_kept():
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 35):
         in_front = [(4.0, 11.6 + off_m) for off_m in np.arange(-0.4, 0.4, 0.02)]

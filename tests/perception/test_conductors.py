@@ -172,7 +172,7 @@ def test_the_order_of_the_points_and_their_origin_hardly_matter():
 
 
 @pytest.mark.parametrize("count", [0, 3, 50])
-def test_few_points_are_no_line(count):
+def test_few_points_give_no_line(count):
     cloud = np.random.default_rng(0).uniform(0.0, 30.0, (count, 3))
     if count == 0:
         cloud = np.array([[0.0, 0.0, 0.0]])

@@ -32,7 +32,7 @@ def covers(report, x, z):
 
 
 def extent_m(report, low, high):
-    """What stands between two corners: lower and upper x and z."""
+    """A box between two corners: lower and upper x and z."""
     return solid(report).intersection(shapely.box(*low, *high)).bounds
 
 
@@ -92,7 +92,7 @@ def test_ground_far_away_is_no_obstacle():
     assert all(each.solids == () for each in Rig(LidarScene(), far).run(1.5))
 
 
-def test_what_hangs_in_the_sky_alone_is_not_taken_for_the_ground():
+def test_an_isolated_object_in_the_air_is_not_taken_for_the_ground():
     report = last(Rig(LidarScene(boxes=(CRANE,), ground_m=None), HOVER), 1.0)
     assert covers(report, 5.05, 11.2)
 
@@ -103,12 +103,12 @@ def test_points_of_conductors_are_not_in_the_solids():
     assert report.solids == ()
 
 
-def test_rain_is_nothing():
+def test_rain_is_no_obstacle():
     rig = Rig(LidarScene(rain_per_m=0.005), SWAYING)
     assert all(each.solids == () and each.conductors == () for each in rig.run(3.0))
 
 
-def test_echoes_of_the_hull_are_nothing():
+def test_echoes_of_the_airframe_are_no_obstacle():
     legs = Box(lower_m=(0.6, -0.2, 11.5), upper_m=(0.7, 0.2, 11.9))
     assert last(Rig(LidarScene(boxes=(legs,)), HOVER), 1.0).solids == ()
 
@@ -148,7 +148,7 @@ def test_scans_without_poses_are_dropped_and_counted():
     assert report.solids == ()
 
 
-def test_a_silent_sensor_is_still_reported():
+def test_reports_continue_while_the_sensor_is_silent():
     rig = Rig(LidarScene(boxes=(CRANE,)), HOVER)
     seen = last(rig, 1.0)
     rig.packets_flow = False
@@ -159,7 +159,7 @@ def test_a_silent_sensor_is_still_reported():
     assert reports[-1].solids == seen.solids
 
 
-def test_the_share_of_returns():
+def test_the_share_of_returns_is_reported():
     assert last(Rig(LidarScene(), HOVER), 0.5).health.returns == pytest.approx(0.45, abs=0.05)
     box = Box(lower_m=(-15.0, -15.0, 0.0), upper_m=(15.0, 15.0, 30.0))
     inside = last(Rig(LidarScene(boxes=(box,), dropout=0.0), HOVER), 0.5)
@@ -241,14 +241,14 @@ def test_points_of_several_messages_at_once_are_one_set():
     assert perception.step(0.3).solids == ()
 
 
-def test_a_message_without_points_is_a_sign_of_life():
+def test_a_message_without_points_shows_that_the_sensor_works():
     perception = LivePerception(POINTS, SITE)
     hover(perception, 0.0, 1.0)
     perception.note_points([], 0.5)
     assert perception.step(0.7).health.scan_s == 0.5
 
 
-def test_points_beside_a_lidar_are_no_sign_of_its_life():
+def test_points_of_another_sensor_do_not_show_that_the_lidar_works():
     perception = LivePerception(VELODYNE, SITE)
     hover(perception, 0.0, 1.0)
     perception.note_points([(6.0, 0.0, 0.1)], 0.5)

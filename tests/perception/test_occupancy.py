@@ -90,7 +90,7 @@ def test_free_space_that_is_enclosed_stays_free():
     assert not covers(found, 5.0, 12.0)
 
 
-def test_where_nothing_is_measured_nothing_is_cleared_until_it_is_forgotten():
+def test_cells_without_measurements_are_not_cleared_until_they_expire():
     watch = Watch()
     watch.see(scan(wall(6.0)), 10)
     sky = np.zeros((0, 3))
@@ -106,7 +106,7 @@ def test_nothing_behind_a_return_is_cleared():
     assert covers(both, 6.0, 10.0)
 
 
-def test_what_some_rays_pass_and_others_meet_is_there():
+def test_a_cell_that_some_rays_pass_and_others_hit_stays_occupied():
     watch = Watch()
     pole, behind = scan(wall(6.0, half_rad=0.003)), scan(wall(14.0))
     found = watch.see(np.concatenate((pole, behind)), 20)
@@ -123,7 +123,7 @@ def test_rays_clear_only_as_far_as_they_stay_near_the_plane():
 
 
 @pytest.mark.parametrize("resolution_m", [0.1, 0.3])
-def test_rain_and_single_wrong_echoes_are_nothing(resolution_m):
+def test_rain_and_single_wrong_echoes_are_no_obstacle(resolution_m):
     workspace = replace(SITE.workspace, resolution_m=resolution_m)
     watch = Watch(replace(SITE, workspace=workspace))
     random = np.random.default_rng(3)
@@ -134,7 +134,7 @@ def test_rain_and_single_wrong_echoes_are_nothing(resolution_m):
         assert watch.see(SENSOR + sky[some] * drop[some, None]) == ()
 
 
-def test_a_wrong_echo_now_and_then_at_one_place_is_nothing():
+def test_an_occasional_wrong_echo_at_one_place_is_no_obstacle():
     watch = Watch()
     wrong = scan(wall(6.0, half_rad=0.05))
     for _ in range(30):
@@ -142,7 +142,7 @@ def test_a_wrong_echo_now_and_then_at_one_place_is_nothing():
         assert watch.see(np.zeros((0, 3)), every_s=1.2) == ()
 
 
-def test_points_that_are_of_no_obstacle_leave_no_trace():
+def test_points_marked_as_no_obstacle_occupy_no_cell():
     watch = Watch()
     points = scan(wall(6.0))
     assert watch.see(points, 10, solid=np.zeros(len(points), dtype=bool)) == ()
@@ -174,7 +174,7 @@ def test_a_polygon_keeps_its_name_while_it_grows_and_another_gets_its_own():
     assert names == ["seen-solid-1", "seen-solid-2"]
 
 
-def test_a_jump_moves_what_was_seen_by_its_exact_step():
+def test_a_jump_of_the_estimate_moves_the_seen_obstacles_by_its_exact_step():
     watch = Watch()
     before = np.array(watch.see(scan(wall(6.0)), 10)[0].vertices_m)
     for _ in range(3):
@@ -186,7 +186,7 @@ def test_a_jump_moves_what_was_seen_by_its_exact_step():
     assert np.array(watch.occupancy.polygons[0].vertices_m) == pytest.approx(after, abs=0.31)
 
 
-def test_what_a_jump_moves_out_of_the_plane_is_gone():
+def test_an_obstacle_that_a_jump_moves_out_of_the_plane_is_removed():
     watch = Watch()
     watch.see(scan(wall(6.0)), 10)
     watch.occupancy.shift(500.0, 0.0)

@@ -83,7 +83,7 @@ def test_rings_count_upwards(name):
 
 
 @pytest.mark.parametrize("name", OUSTERS)
-def test_times_are_the_receivers_whatever_the_sensors_clock_says(name):
+def test_times_are_those_of_the_receiver_for_any_clock_of_the_sensor(name):
     (scan,) = scans(stream(name), turn(name, 7, 50.0, clock_s=1.6e9))
     azimuth = np.unwrap(np.sort(-np.arctan2(scan.points_m[:, 1], scan.points_m[:, 0])))
     assert np.ptp(azimuth) > 6.0
@@ -128,7 +128,7 @@ def test_packets_in_another_order_or_twice_make_the_same_scan():
     assert np.array_equal(second.points_m, whole.points_m)
 
 
-def test_a_sensor_that_starts_anew_is_heard_on():
+def test_a_sensor_that_restarts_is_still_received():
     received = [*turn(DUAL, 900, 50.0), *turn(DUAL, 0, 60.0), *turn(DUAL, 1, 60.1)]
     assert len(scans(stream(DUAL), received)) == 3
 
@@ -154,7 +154,7 @@ def other_serial(packet):
         (DUAL, lambda packet: packet[:40] + b"\xff\xff" + packet[42:], "damaged"),
     ],
 )
-def test_what_is_no_whole_packet_is_counted_and_dropped(name, broken, kind):
+def test_an_incomplete_packet_is_counted_and_dropped(name, broken, kind):
     receiver = stream(name)
     received = list(packets(name))
     (whole,) = scans(stream(name), received)

@@ -33,7 +33,7 @@ def test_a_ray_to_a_point_beside_reaches_to_the_side_of_the_slab(y, share):
     assert found.inside.tolist() == [abs(y) <= SLAB_M]
 
 
-def test_a_sensor_beside_the_plane_clears_nothing():
+def test_a_sensor_beside_the_plane_clears_no_cell():
     assert rays((5.0, 0.0, 13.0), sensor=(1.0, 3.0, 10.0)).reach_m.tolist() == [0.0]
 
 

@@ -1,4 +1,4 @@
-"""Real airborne scans of others, with labels: what is found of the wires."""
+"""Real airborne scans with labels: the share of the wires that is found."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_a_real_recording_as_the_reference_decoder_has_it():
         (lambda packet: packet[:302] + b"\xff\xff" + packet[304:], "damaged"),
     ],
 )
-def test_what_is_no_whole_packet_is_counted_and_dropped(broken, kind):
+def test_an_incomplete_packet_is_counted_and_dropped(broken, kind):
     stream = VelodyneStream()
     good = packets(0.12)
     whole = len(scans(VelodyneStream(), good)[0].points_m)

@@ -1,4 +1,4 @@
-"""A problem under other levels of risk: the answers are the planner's own, and told in words."""
+"""A problem under other levels of risk: the plans of the planner, and their description."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_risk_moves_the_path(planner):
     assert safe.cost.safety < hasty.cost.safety
 
 
-def test_where_there_is_no_plan_there_is_none_under_any_risk(planner):
+def test_a_problem_without_a_plan_has_none_under_any_risk(planner):
     request = planner.plan(mission="exit", start=(-5.0, 2.0)).request
     plans = alternatives(planner, request, FLOWN.rule(Mission.EXIT))
     assert {plan.status.value for plan in plans} == {"out_of_bounds"}
@@ -68,5 +68,5 @@ def test_where_there_is_no_plan_there_is_none_under_any_risk(planner):
         (RiskIndices(wind=1.0, battery=0.25), "wind 1, battery 0.25"),
     ],
 )
-def test_risks_in_words(risk, words):
+def test_risks_are_described_in_text(risk, words):
     assert risk_words(risk) == words

@@ -214,7 +214,7 @@ def test_the_envelope_path_goes_around_the_conductors_and_the_shortest_between_t
 
 
 @pytest.mark.parametrize("kind", [BaselineKind.VORONOI, BaselineKind.ENVELOPE])
-def test_without_obstacles_there_is_no_roadmap_which_is_a_status(kind):
+def test_without_obstacles_the_status_is_that_there_is_no_roadmap(kind):
     answer = answer_of(kind)
     assert answer.status is PlanStatus.UNREACHABLE
     assert answer.states.shape == (0, 3)

@@ -146,7 +146,7 @@ def test_a_long_front_is_calibrated_with_a_limited_number_of_plans():
     assert ends[1] == pytest.approx(0.5 * (ends[0] + ends[2]), abs=0.03)
 
 
-def test_a_calibration_is_made_once_for_a_start_and_anew_for_other_maps():
+def test_a_calibration_is_made_once_for_a_start_and_again_for_other_maps():
     site = make_site(conductor(5.0, 4.0))
     planner = Planner(site, make_vehicle())
     risk = RiskIndices(wind=0.6)

@@ -1,4 +1,4 @@
-"""Clearances: what is repaired after a change is what would be built anew, bit by bit."""
+"""Clearances: maps repaired after a change equal new maps, bit by bit."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_without_obstacles_nothing_is_near():
 
 
 @pytest.mark.parametrize("known", [0, 1])
-def test_what_is_known_of_the_same_obstacles_on_the_same_grid_is_taken(known):
+def test_clearances_of_the_same_obstacles_on_the_same_grid_are_reused(known):
     obstacles = (conductor(5.0, 4.0), conductor(2.0, 2.0, name="other"))
     own = Clearances.over(GRID, obstacles)
     elsewhere = Clearances.over(Grid.over((1.0, 0.0), (10.0, 8.0), 0.5), obstacles)

@@ -37,7 +37,7 @@ def bent(plan, heights_m):
     return replace(plan, states=np.array(states))
 
 
-def test_a_path_beside_another_is_as_far_from_it_as_it_looks(planner):
+def test_the_difference_of_two_paths_is_their_greatest_and_mean_distance(planner):
     plan = planner.plan(mission="inspection")
     before, after = bent(plan, [0, 0, 0, 0, 0]), bent(plan, [0, 1, 2, 1, 0])
     difference = path_difference(before, after)
@@ -52,7 +52,7 @@ def test_a_path_of_one_point_is_compared_too(planner):
     assert path_difference(bent(plan, [0]), bent(plan, [3])).greatest_m == 3.0
 
 
-def test_a_safer_path_is_told_to_have_moved_outwards(planner):
+def test_a_safer_path_is_reported_as_moved_outwards(planner):
     fast = planner.plan(mission="inspection", weights=FAST)
     safe = planner.plan(mission="inspection", weights=SAFE)
     away, back = path_difference(fast, safe), path_difference(safe, fast)
@@ -67,7 +67,7 @@ def test_the_same_path_has_stayed(planner):
     assert path_difference(plan, plan).words() == "path stays"
 
 
-def test_without_obstacles_there_is_no_clearance_to_tell():
+def test_without_obstacles_no_clearance_is_reported():
     site = make_site(targets={"target": (8.5, 0.5), "other": (8.5, 6.5)})
     planner = Planner(site, make_vehicle())
     one, other = (planner.plan(mission="inspection", target=name) for name in ("target", "other"))

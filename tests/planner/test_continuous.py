@@ -50,7 +50,7 @@ def test_a_straight_path_costs_what_it_costs_on_the_graph(heading, weights):
         path_m = np.array(grid.lower_m) + (cells + 0.5) * resolution
         found = cost_on(planner)(path_m, VELOCITY_MPS, weights, ends_at_rest=True)
         differences.append(abs(found - cost.total))
-    # The graph takes each step's costs from its end: off by half a step's change along the way.
+    # The graph takes the cost of a step at its end: an error of half the change within the step.
     assert differences[-1] <= 0.02 * max(1.0, cost.total)
     assert differences[-1] <= 0.5 * differences[0] + 1e-9
 
@@ -73,7 +73,7 @@ def test_with_closer_samples_the_cost_settles_and_its_velocity_change_never_fall
     assert (np.diff(costs) >= -1e-12).all()
 
 
-def test_cutting_a_leg_in_two_changes_nothing():
+def test_cutting_a_leg_in_two_does_not_change_the_cost():
     cost = cost_on(planner_of(), samples_per_cell=256)
     whole = cost(BENT_M, VELOCITY_MPS, MIXED, ends_at_rest=False)
     middle = BENT_M[:2].mean(axis=0)
@@ -104,7 +104,7 @@ def test_a_path_through_an_obstacle_or_out_of_the_workspace_costs_more_than_any(
 
 
 @pytest.mark.parametrize("step_m", [0.0, 1e-300, 1e-12, 1e-9])
-def test_points_in_one_place_cost_nothing_more(step_m):
+def test_points_in_one_place_do_not_add_cost(step_m):
     cost = cost_on(planner_of())
     path_m = BENT_M.copy()
     twice = np.insert(path_m, 1, path_m[1] - step_m * np.array([1.0, 0.5]), axis=0)

@@ -1,4 +1,4 @@
-"""Tables: what they know of all weights is true, and what is asked of them is found in them."""
+"""Tables: their bounds hold for all weights, and plans for any weights are found with them."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def test_the_goals_of_a_site_share_the_memory_for_tables(monkeypatch):
     assert planner.most_prepared == 3
 
 
-def test_where_some_get_no_table_the_goal_prepared_the_longest_ago_makes_room(monkeypatch):
+def test_without_memory_for_all_tables_the_goal_prepared_first_loses_its_table(monkeypatch):
     planner = planner_of_three(2 * 8, monkeypatch)
     assert planner.most_prepared == 2
     assert prepared(planner) == {"two": 8, "three": 8}
@@ -244,7 +244,7 @@ def test_a_million_states_have_a_table():
     assert planner.most_prepared >= 1
 
 
-def test_a_goal_that_nothing_leads_to_is_unreachable_with_a_table_too():
+def test_a_goal_without_a_path_is_unreachable_with_a_table_too():
     graph_goal = Goal(cells=np.array([0]), leg_m=np.zeros(1), ends_at_rest=True)
     planner = Planner(SITE, make_vehicle())
     builder = TableBuilder(planner.graph, graph_goal, Adaptation(base=Weights(0.5, 0.3, 0.2)))

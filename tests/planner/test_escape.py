@@ -23,7 +23,7 @@ def clearance(site, point):
 
 
 def falls(site, start, end, samples, by):
-    """True if clearance falls by more than that on the way, from its greatest value so far."""
+    """True if clearance falls along the leg by more than `by` below its greatest value so far."""
     greatest = -math.inf
     for t in np.linspace(0.0, 1.0, samples):
         here = clearance(site, np.add(start, t * np.subtract(end, start)))
@@ -65,7 +65,7 @@ def test_outside_the_workspace_the_escape_route_is_the_nearest_free_cell():
 
 
 def test_a_conductor_in_between_is_flown_around_or_not_approached():
-    # The nearest free cell is past the conductor; the leg goes another way.
+    # The nearest free cell is past the conductor; the leg goes in another direction.
     site = make_site(conductor(0.0, 2.5, 0.1))
     end = escape(site, (-1.2, 2.5), radius=0.6)
     assert end is None or not falls(site, (-1.2, 2.5), end, 200, 1e-6)
@@ -78,7 +78,7 @@ def test_inside_an_obstacle_there_is_no_escape_route(start):
     assert escape(site, start) is None
 
 
-def test_where_every_way_leads_closer_to_an_obstacle_there_is_none():
+def test_where_every_direction_is_closer_to_an_obstacle_there_is_no_escape_route():
     # In the middle of a gap between two walls, clearance falls on all routes but the gap's own,
     # along which it stays; and there nothing is free.
     walls = [
@@ -130,7 +130,7 @@ def test_escape_legs_are_the_shortest_along_which_clearance_never_falls():
         ((3.18, 0.83), (1.0, 3.0, 2.0), 1.0),
     ],
 )
-def test_out_of_one_keep_out_no_leg_leads_through_that_of_another(start, keep_outs, widened_m):
+def test_no_escape_leg_from_one_keep_out_crosses_another(start, keep_outs, widened_m):
     places = ((0.40, 1.60), (-0.86, 3.18), (3.97, 0.77))
     wires = [
         conductor(*place, 0.02, keep_out=m) for place, m in zip(places, keep_outs, strict=True)
@@ -144,13 +144,13 @@ def test_out_of_one_keep_out_no_leg_leads_through_that_of_another(start, keep_ou
 @pytest.mark.parametrize(
     ("wires", "start", "end"),
     [
-        # The cell (8.5, 2.5) is nearer, but on the way the wire at (6, 1) comes nearer.
+        # The cell (8.5, 2.5) is nearer, but the leg to it approaches the wire at (6, 1).
         ([(6.0, 1.0, 2.0), (5.5, 4.5, 1.0), (2.0, 7.0, 4.0)], (5.9, 2.9), (8.5, 3.5)),
-        # So is (11.5, 7.5), on the way to which the keep-out of the wire at (7.5, 8.5) begins.
+        # (11.5, 7.5) is nearer, but the leg to it enters the keep-out of the wire at (7.5, 8.5).
         ([(7.5, 8.5, 3.0), (10.5, 4.0, 3.0), (0.0, 8.0, 1.0)], (9.5, 5.4), (6.5, 3.5)),
     ],
 )
-def test_where_the_nearest_leg_leads_through_a_keep_out_another_one_is_flown(wires, start, end):
+def test_if_the_nearest_escape_leg_crosses_a_keep_out_another_leg_is_flown(wires, start, end):
     wires = [conductor(x, z, 0.02, keep_out=keep_out) for x, z, keep_out in wires]
     site, vehicle = make_site(*wires, size=(12.0, 10.0)), make_vehicle(radius=0.6)
     assert escape_leg(site, vehicle, build_maps(site, vehicle), start) == end
@@ -162,13 +162,13 @@ def recovery(site, start, widened_m=0.0, **vehicle):
     return recovery_leg(site, vehicle, build_maps(site, vehicle), start, widened_m)
 
 
-def test_from_outside_the_way_back_is_the_nearest_free_cell_though_obstacles_come_nearer():
+def test_recovery_from_outside_goes_to_the_nearest_free_cell_even_if_closer_to_obstacles():
     site = make_site(conductor(5.5, 4.5, 0.1))
     assert escape(site, (-25.0, 2.5), radius=0.6) is None
     assert recovery(site, (-25.0, 2.5), radius=0.6) == ((0.5, 2.5),)
 
 
-def test_the_way_back_keeps_every_keep_out_and_what_they_grow_by():
+def test_the_recovery_path_keeps_every_keep_out_and_its_inflation():
     start = (-9.0, 2.5)
     site = make_site(conductor(-4.0, 2.5, 0.1))
     for widened_m in (0.0, 1.0):
@@ -177,24 +177,24 @@ def test_the_way_back_keeps_every_keep_out_and_what_they_grow_by():
         assert oracle.clearance(site.obstacles[0], leg) >= 0.6 + widened_m - 1e-6
 
 
-def test_there_is_no_way_back_from_too_far_or_from_within_a_keep_out():
+def test_there_is_no_recovery_path_from_too_far_or_from_within_a_keep_out():
     assert recovery(make_site(), (-60.5, 2.5)) == ()
     site = make_site(conductor(-4.0, 2.5, 0.1))
     assert recovery(site, (-4.3, 2.5), radius=0.6) == ()
 
 
-def test_from_below_the_way_back_begins_straight_up():
+def test_recovery_from_below_begins_straight_up():
     assert recovery(make_site(), (3.4, -1.0)) == ((3.5, 0.5),)
     site = make_site(min_altitude=2.0)
     assert recovery(site, (-4.0, 1.0)) == ((-4.0, 2.5), (0.5, 2.5))
 
 
-def test_where_straight_up_is_not_free_the_way_back_from_below_slants():
+def test_where_straight_up_is_not_free_recovery_from_below_slants():
     site = make_site(conductor(-4.0, 2.6, 0.1), min_altitude=2.0)
     assert recovery(site, (-4.0, 1.0), radius=0.6) == ((0.5, 2.5),)
 
 
-def test_from_below_it_climbs_past_obstacles_that_come_nearer_but_not_too_near():
+def test_recovery_from_below_climbs_past_obstacles_that_come_nearer_but_not_too_near():
     site = make_site(conductor(1.5, 3.0, 0.1), conductor(5.5, 3.0, 0.1), min_altitude=2.0)
     start = (3.5, 0.5)
     assert escape(site, start, radius=0.6) is None
@@ -202,7 +202,7 @@ def test_from_below_it_climbs_past_obstacles_that_come_nearer_but_not_too_near()
     assert entry_corners(site, make_vehicle(radius=0.6), maps, start) == ((3.5, 2.5),)
 
 
-def test_a_pocket_is_what_is_joined_by_edges_and_no_leg_ends_there_once_it_is_barred():
+def test_a_pocket_is_the_cells_joined_by_edges_and_no_leg_ends_in_a_barred_pocket():
     wall = polygon((4.0, -9.0), (5.0, -9.0), (5.0, 8.0), (4.0, 8.0))
     site, vehicle = make_site(wall), make_vehicle(radius=0.1)
     maps = build_maps(site, vehicle)

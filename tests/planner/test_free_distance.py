@@ -29,20 +29,20 @@ def test_a_ray_ends_where_the_first_blocked_cell_begins():
     assert free_m(reach, (0.25, 1.5), RIGHT) == 50.0
 
 
-def test_on_a_slant_it_is_measured_along_the_slant():
+def test_the_free_distance_of_a_slanted_direction_is_measured_along_it():
     reach = FreeDistance.over(make_site(conductor(5.5, 4.5)), radius_m=0.1)
     slant = (0.8, 0.6)
     # It enters the cell through its left side, at x = 5.
     assert free_m(reach, (1.5, 1.5), slant) == pytest.approx(3.5 / 0.8)
 
 
-def test_what_a_site_keeps_out_of_and_the_uncertainty_of_the_position_count():
+def test_keep_outs_of_the_site_and_the_position_uncertainty_count():
     site = make_site(conductor(5.5, 0.5, keep_out=1.5))
     assert free_m(FreeDistance.over(site, 0.1), (0.25, 0.5), RIGHT) == pytest.approx(3.75)
     assert free_m(FreeDistance.over(site, 0.1, 1.0), (0.25, 0.5), RIGHT) == pytest.approx(2.75)
 
 
-def test_what_is_too_low_to_plan_in_is_no_obstacle():
+def test_space_below_the_minimum_altitude_is_no_obstacle():
     reach = FreeDistance.over(make_site(min_altitude=3.0), radius_m=0.1)
     assert free_m(reach, (0.5, 6.5), (0.0, -1.0)) == 50.0
 
@@ -60,7 +60,7 @@ def test_an_obstacle_a_kilometre_away_costs_no_memory():
     assert reach.blocked.size < 1000
 
 
-def test_out_of_a_keep_out_it_counts_from_where_that_is_left():
+def test_from_inside_a_keep_out_the_distance_counts_from_its_border():
     reach = FreeDistance.over(
         make_site(conductor(2.5, 0.5, keep_out=1.2), conductor(8.5, 0.5)), 0.1
     )
@@ -68,7 +68,7 @@ def test_out_of_a_keep_out_it_counts_from_where_that_is_left():
     assert free_m(reach, (2.5, 0.5), UP) == 50.0
 
 
-def test_what_stands_still_goes_nowhere():
+def test_without_motion_the_free_distance_is_not_limited():
     reach = FreeDistance.over(make_site(conductor(2.5, 0.5)), radius_m=0.1)
     assert free_m(reach, (5.5, 0.5), (0.0, 0.0)) == 50.0
     assert free_m(reach, (2.5, 0.5), (0.0, 0.0)) == 50.0

@@ -40,7 +40,7 @@ print(difference(Pair(**{"first": 5.0, "second": 2.0})))
 
 
 @pytest.mark.slow
-def test_kernels_are_compiled_anew_where_layouts_or_constants_of_other_files_change(tmp_path):
+def test_kernels_are_compiled_again_if_layouts_or_constants_of_other_files_change(tmp_path):
     def run(limit, *fields):
         source = ELSEWHERE.format(limit=limit, fields=fields)
         (tmp_path / "elsewhere.py").write_text(source, encoding="utf-8")
@@ -117,7 +117,7 @@ class Numba:
         return compiled
 
 
-def test_where_nothing_can_be_kept_a_kernel_is_compiled_each_time(monkeypatch):
+def test_without_a_writable_cache_a_kernel_is_compiled_each_time(monkeypatch):
     monkeypatch.setattr(jit, "_numba", Numba)
     kernel = jit.Kernel.__new__(jit.Kernel)
     kernel.py_func, kernel.is_helper = abs, False

@@ -69,7 +69,7 @@ GRID = Grid.over((-1.0, 2.0), (2.1, 3.5), 0.5)
         ("infinitely far", (math.inf, 2.5), None),
     ],
 )
-def test_a_point_belongs_to_the_cell_that_the_planner_page_says(case, point, cell):
+def test_a_point_belongs_to_the_cell_given_on_the_planner_page(case, point, cell):
     assert GRID.shape == (6, 3)
     assert GRID.cell_of(point) == cell, case
 
@@ -122,10 +122,10 @@ def test_the_minimum_altitude_changes_no_other_map():
         (0.9, 0.5, 0.5 + 1e-8, True),
     ],
 )
-def test_a_cell_is_occupied_when_its_clearance_is_less_than_what_is_required(
+def test_a_cell_is_occupied_if_its_clearance_is_less_than_required(
     radius, keep_out, uncertainty, occupied
 ):
-    # Cell (4, 4) has its centre 2 m from the conductor's, whose radius is 0.1 m.
+    # The centre of cell (4, 4) is 2 m from that of the conductor, which has a radius of 0.1 m.
     site = make_site(conductor(6.5, 4.5, 0.1, keep_out=keep_out))
     maps = build_maps(site, make_vehicle(radius=radius), uncertainty)
     assert maps.occupied[4, 4] == occupied
@@ -144,7 +144,7 @@ def test_each_obstacle_keeps_out_by_its_own_distance():
 
 
 @pytest.mark.parametrize("uncertainty_m", [0.1, 0.7, 2.0])
-def test_the_room_to_the_keep_outs_says_what_any_uncertainty_occupies(uncertainty_m):
+def test_the_distance_to_the_keep_outs_gives_the_occupied_cells_for_any_uncertainty(uncertainty_m):
     site = make_site(
         conductor(2.5, 4.5, 0.01, name="insulated"),
         conductor(7.5, 4.5, 0.01, name="live", keep_out=1.5),
@@ -239,7 +239,7 @@ def test_the_slope_starts_at_the_lowest_obstacle_of_the_site():
     assert distance[0, 5] == pytest.approx(2.0)
 
 
-def test_an_overhang_counts_only_where_something_of_it_is_below():
+def test_an_overhang_counts_only_where_a_part_of_the_obstacle_is_below():
     # A gallows: a post at x = 2 to 3, an arm at z = 5 to 6 that reaches to x = 8.
     gallows = polygon(
         (2.0, 0.0), (3.0, 0.0), (3.0, 5.0), (8.0, 5.0), (8.0, 6.0), (2.0, 6.0), name="gallows"

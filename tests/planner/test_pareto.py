@@ -101,7 +101,7 @@ def test_without_a_path_there_is_no_front():
     assert pareto_front(planner, plan.request) == []
 
 
-def test_within_a_range_the_path_is_best_and_beyond_it_another():
+def test_within_a_weight_range_the_path_is_best_and_beyond_the_range_another_path():
     planner = Planner(SITE, make_vehicle())
     base, risk = Weights(0.3, 0.4, 0.3), RiskIndices(wind=0.3, battery=0.1)
     plan = planner.plan(mission="inspection", weights=base, risk=risk)

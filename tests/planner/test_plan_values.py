@@ -51,7 +51,7 @@ def test_the_status_is_the_first_that_applies(case, start, target, status):
         assert document["metrics"] is None
 
 
-def test_the_reason_says_which_end_is_out_of_bounds_and_where():
+def test_the_reason_names_the_end_that_is_out_of_bounds_and_its_position():
     site = make_site(targets={"splice": (99.0, 0.5)})
     planner = Planner(site, make_vehicle())
     assert "start at (-5, 1)" in planner.plan(mission="inspection", start=(-5.0, 1.0)).reason
@@ -62,7 +62,7 @@ def test_the_reason_says_which_end_is_out_of_bounds_and_where():
     ("start", "strip"),
     [((5.0, 19.9), "z 19.8 to 20"), ((9.95, 5.0), "x 9.9 to 10"), ((5.0, 20.1), None)],
 )
-def test_the_reason_says_that_a_point_lies_where_no_whole_cell_is(start, strip):
+def test_the_reason_names_a_point_that_lies_in_no_whole_cell(start, strip):
     site = make_site(size=(10.0, 20.0), resolution=0.3)
     plan = Planner(site, make_vehicle()).plan(mission="inspection", start=start)
     assert plan.status is PlanStatus.OUT_OF_BOUNDS
@@ -70,7 +70,7 @@ def test_the_reason_says_that_a_point_lies_where_no_whole_cell_is(start, strip):
     assert plan.reason.endswith(uncovered if strip else "is outside the workspace")
 
 
-def test_an_exit_that_no_free_way_leads_to_is_unreachable():
+def test_an_exit_without_a_free_path_is_unreachable():
     walls = [
         polygon((x, -1.0), (x + 0.4, -1.0), (x + 0.4, 9.0), (x, 9.0), name=f"wall {x}")
         for x in (3.3, 6.3)
@@ -207,7 +207,7 @@ def test_in_the_open_paths_go_straight(weights):
 
 
 def test_a_vehicle_that_flies_away_from_its_target_turns_without_a_needless_stop():
-    # Against its own direction a stop on the way costs neither energy nor time.
+    # At a reversal, an intermediate stop costs neither energy nor time.
     site = make_site(start=(5.5, 0.5), targets={"t": (1.5, 0.5)})
     for weights in CORNERS[:2]:
         plan = Planner(site, make_vehicle()).plan(
@@ -254,7 +254,9 @@ def test_of_equal_costs_an_action_more_does_not_outweigh_a_fraction_of_a_millise
 
 @pytest.mark.parametrize(("landing_z", "row"), [(1.5, 2), (6.5, 6)])
 @pytest.mark.parametrize("prepared", [False, True])
-def test_of_equal_ways_out_the_one_with_the_shortest_landing_leg_is_flown(landing_z, row, prepared):
+def test_of_equal_exit_paths_the_one_with_the_shortest_landing_leg_is_flown(
+    landing_z, row, prepared
+):
     # Up and down to the border cost the same energy and time.
     site = make_site(start=(7.5, 4.5), exits=[(20.0, landing_z)])
     planner = Planner(site, make_vehicle())
@@ -266,7 +268,7 @@ def test_of_equal_ways_out_the_one_with_the_shortest_landing_leg_is_flown(landin
 
 @pytest.mark.parametrize("weights", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.5, 0.5)])
 @pytest.mark.parametrize("prepared", [False, True])
-def test_where_safety_has_no_weight_it_chooses_between_equal_costs(weights, prepared):
+def test_where_safety_has_no_weight_safety_decides_between_equal_costs(weights, prepared):
     # Over and under the conductor cost the same time and energy; what falls on it does damage.
     site = make_site(conductor(5.5, 4.5), start=(1.5, 4.5), targets={"t": (9.5, 4.5)})
     planner = Planner(site, make_vehicle())
@@ -317,7 +319,7 @@ def test_risks_shift_the_weights_of_the_vehicle_or_those_given():
     assert planner.plan(mission="exit", weights=given, risk=risk).weights == given.adjusted(risk)
 
 
-def test_the_json_repeats_the_risk_as_asked_and_the_weights_as_shifted_by_it():
+def test_the_json_repeats_the_given_risk_and_the_weights_shifted_by_the_risk():
     weights, risk = Weights(0.43, 0.14, 0.43), RiskIndices(wind=0.25, battery=1.0)
     shifted = weights.adjusted(risk)
     planner = Planner(make_site(), make_vehicle())
@@ -348,7 +350,7 @@ def test_without_obstacles_clearances_are_infinite_and_null_in_json(mission, sta
 # One planner, many plans ------------------------------------------------------------------------
 
 
-def test_a_planner_answers_the_same_whatever_it_was_asked_before():
+def test_a_plan_does_not_depend_on_earlier_plans():
     rng = random.Random("caching")
     for _ in range(6):
         base = random_problem(rng)

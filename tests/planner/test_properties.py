@@ -115,7 +115,7 @@ def test_no_plan_is_better_than_the_optimum_for_its_own_weights(seed):
 @given(seeds)
 def test_a_mirrored_problem_costs_the_same(seed):
     problem = random_problem(random.Random(seed))
-    # Away from the borders of cells, whose side the mirror changes.
+    # Not on the border of a cell: the mirror swaps its sides.
     mirror = changed(
         problem,
         site=changed_site(

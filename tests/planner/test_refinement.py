@@ -1,4 +1,4 @@
-"""Refined paths: of no greater J, as free as the plan's own by shapely's word, and they arrive."""
+"""Refined paths: J is not greater, they are as free as the plan by shapely, and they arrive."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_a_refined_path_begins_and_ends_as_the_plan_does(seed):
     assert found.waypoints.time_s[count - 1] == pytest.approx(found.cost.time, rel=0.2, abs=1e-9)
 
 
-def test_where_nothing_is_in_the_way_the_straight_line_is_the_best():
+def test_without_obstacles_the_straight_line_is_the_best():
     site = make_site(size=(10.0, 8.0), resolution=0.25, start=(0.6, 0.6), targets={"a": (9.1, 4.4)})
     planner = Planner(site, make_vehicle(**ALWAYS_3_MPS))
     plan = planner.plan(mission="inspection", weights=Weights(0.0, 0.8, 0.2))
@@ -145,7 +145,7 @@ def test_a_wall_is_passed_by_its_corner():
     plan = planner.plan(mission="inspection", weights=Weights(0.0, 1.0, 0.0))
     points = planner.refine(plan).points_m
     path = LineString(points)
-    # The shortest way round is a string pulled tight about the occupied cells: it has more points.
+    # The shortest detour is a string pulled tight about the occupied cells: it has more points.
     tight = (
         LineString(points[[0, -1]])
         .union(occupied_cells(plan.maps))
@@ -177,7 +177,7 @@ def test_no_point_of_a_refined_path_is_better_a_little_elsewhere():
     assert min(gained) < 0.95
 
 
-def test_a_path_that_nothing_improves_is_the_plans_own():
+def test_a_path_that_cannot_be_improved_is_the_plans_own():
     site = make_site(size=(10.0, 8.0), resolution=0.25, start=(0.6, 0.6), targets={"a": (9.1, 0.6)})
     planner = Planner(site, make_vehicle(**ALWAYS_3_MPS))
     plan = planner.plan(mission="inspection")
@@ -186,7 +186,7 @@ def test_a_path_that_nothing_improves_is_the_plans_own():
     assert found.metrics.length_m == pytest.approx(plan.metrics.length_m)
 
 
-def test_a_plan_of_one_state_stays_where_it_is():
+def test_a_refined_plan_of_one_state_is_unchanged():
     site = make_site(start=(8.5, 6.5))
     planner = Planner(site, make_vehicle())
     for velocity in ((0.0, 0.0), (1.0, 0.0)):
@@ -196,7 +196,7 @@ def test_a_plan_of_one_state_stays_where_it_is():
         assert found.metrics.velocity_change_mps == pytest.approx(velocity[0])
 
 
-def test_the_position_uncertainty_is_kept_from_as_well():
+def test_the_position_uncertainty_is_added_to_the_required_clearance():
     wall = polygon((4.8, 0.0), (5.2, 0.0), (5.2, 5.0), (4.8, 5.0))
     site = make_site(wall, resolution=0.25, start=(1.1, 1.1), targets={"a": (8.9, 1.1)})
     vehicle = make_vehicle(**ALWAYS_3_MPS)
@@ -209,7 +209,7 @@ def test_the_position_uncertainty_is_kept_from_as_well():
         assert kept_m < vehicle.radius_m + uncertainty_m + 0.25
 
 
-def test_what_is_no_path_on_the_planners_maps_is_refused():
+def test_a_path_that_is_not_on_the_planners_maps_is_refused():
     site = make_site(conductor(5.0, 4.0))
     planner = Planner(site, make_vehicle())
     plan = planner.plan(mission="inspection")

@@ -158,7 +158,7 @@ def test_a_keep_out_distance_blocks_a_leg_that_would_clear_the_conductor():
     assert (9, 6) not in region_of(wide, **vehicle)
 
 
-def test_the_uncertainty_of_the_position_widens_what_a_leg_must_clear():
+def test_the_position_uncertainty_increases_the_required_clearance_of_a_leg():
     site = make_site(conductor(15.0, 6.5), exits=[(20.0, 4.5)])
     vehicle = {"landing_height": 0.0}
     assert (9, 6) in region_of(site, **vehicle)
@@ -166,8 +166,8 @@ def test_the_uncertainty_of_the_position_widens_what_a_leg_must_clear():
 
 
 def test_the_leg_as_flown_must_clear_obstacles_too():
-    # From (10, 2.5) the straight leg to (20, 0.5) passes 1.5 m below the conductor, that to 2 m
-    # above the landing point half a metre.
+    # From (10, 2.5) the straight leg to (20, 0.5) passes 1.5 m below the conductor.
+    # The leg to 2 m above the landing point passes 0.5 m below the conductor.
     site = make_site(conductor(15.0, 3.0), exits=[(20.0, 0.5)])
     assert (9, 2) in region_of(site, landing_height=0.0)
     assert (9, 2) not in region_of(site, landing_height=2.0)

@@ -29,7 +29,7 @@ def test_without_risk_the_weights_stay():
          (1.15, 0.85, 1.35)),
     ],
 )  # fmt: skip
-def test_each_risk_shifts_the_weights_as_equation_9_says(risk, factors):
+def test_each_risk_shifts_the_weights_by_equation_9(risk, factors):
     adjusted = MIDDLE.adjusted(RiskIndices(**risk))
     expected = [factor / sum(factors) for factor in factors]
     assert (adjusted.safety, adjusted.time, adjusted.energy) == pytest.approx(expected)
@@ -58,7 +58,7 @@ def test_where_all_three_weights_vanish_they_stay_as_they_were(case, weights, ri
     assert weights.adjusted(risk) == weights, case
 
 
-def test_adjusted_weights_sum_to_one_whatever_the_risk():
+def test_adjusted_weights_sum_to_one_for_any_risk():
     rng = random.Random("weights")
     for _ in range(500):
         values = [rng.choice([0.0, 1.0, rng.random()]) for _ in range(7)]

@@ -1,4 +1,4 @@
-"""The aircraft judged by what was heard of it: what the fake autopilot does not do by itself."""
+"""The aircraft judged by its telemetry: cases that the fake autopilot does not produce."""
 
 from dataclasses import replace
 
@@ -65,7 +65,7 @@ def findings(
     return {item.subject: item for item in aircraft_findings(sight, vehicle, None, Supervision())}
 
 
-def test_an_aircraft_of_which_nothing_is_heard_but_a_heartbeat_is_never_well():
+def test_an_aircraft_that_sends_only_heartbeats_never_passes():
     found = findings(positions=Arrivals())
     assert {name for name, item in found.items() if item.level is NO_GO} == {
         "LOCAL_POSITION_NED",
@@ -84,7 +84,7 @@ def test_an_aircraft_of_which_nothing_is_heard_but_a_heartbeat_is_never_well():
     }
 
 
-def test_an_autopilot_that_is_not_known_here():
+def test_an_unknown_autopilot_is_reported():
     assert findings(kind=autopilots.UNKNOWN)["autopilot"].level is NO_GO
 
 
@@ -106,14 +106,14 @@ def test_a_failsafe_is_a_no_go():
         (autopilots.ARDUPILOT, (4, 2, 3), "", WARNING),
     ],
 )
-def test_firmware_is_compared_with_what_was_measured(kind, version, release, level):
+def test_firmware_is_compared_with_the_measured_versions(kind, version, release, level):
     firmware = Firmware(received_s=5.0, version=version, release=release)
     finding = findings(kind=kind, firmware=firmware)["firmware"]
     assert finding.level is level
     assert finding.text.startswith(str(firmware))
 
 
-def test_an_autopilot_that_would_not_arm_says_what_is_unhealthy_while_it_is_disarmed():
+def test_a_disarmed_autopilot_that_would_not_arm_is_reported_with_its_unhealthy_sensors():
     readiness = Readiness(received_s=5.0, ready=False, unhealthy=("gps", "ahrs"))
     finding = findings(readiness=readiness)["ready to arm"]
     assert (finding.level, finding.text) == (NO_GO, "no, unhealthy: gps, ahrs")
@@ -128,7 +128,7 @@ def test_an_autopilot_that_would_not_arm_says_what_is_unhealthy_while_it_is_disa
         (False, ("gps", "ahrs"), WARNING, "armed, would not arm now, unhealthy: gps, ahrs"),
     ],
 )
-def test_what_is_armed_is_not_said_to_be_ready_and_says_what_is_unhealthy(
+def test_an_armed_aircraft_is_not_called_ready_and_its_unhealthy_sensors_are_named(
     ready, unhealthy, level, text
 ):
     readiness = Readiness(received_s=5.0, ready=ready, unhealthy=unhealthy)
@@ -177,7 +177,7 @@ def readiness(remote_control_ok):
     ],
     ids=["remote control", "no word of the autopilot on it", "ground station"],
 )
-def test_one_who_can_take_over_is_enough(telemetry, words):
+def test_one_operator_who_can_take_over_is_enough(telemetry, words):
     found = findings(**telemetry)
     assert "take over" not in found
     assert found["remote control"].text == words
@@ -206,13 +206,13 @@ def test_one_who_can_take_over_is_enough(telemetry, words):
     ],
     ids=["lost", "far", "the autopilot's word", "channels without a receiver", "silent"],
 )
-def test_one_who_no_longer_reaches_the_aircraft_takes_over_nothing(telemetry, subject, words):
+def test_an_operator_whose_link_is_lost_cannot_take_over(telemetry, subject, words):
     found = findings(**telemetry)
     assert found["take over"].level is NO_GO
     assert (found[subject].level, words in found[subject].text) == (WARNING, True), found[subject]
 
 
-def test_a_drag_that_nobody_measured_is_told_with_how_to_measure_it():
+def test_a_drag_that_was_not_measured_is_reported_with_how_to_measure_it():
     usual = findings()["drag"]
     assert usual.level is WARNING
     assert "--fit-drag" in usual.remedy

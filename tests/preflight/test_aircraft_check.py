@@ -111,7 +111,7 @@ def messages(data):
     return mavlink.MAVLink(None).parse_buffer(b"".join(data)) or []
 
 
-def test_an_aircraft_set_as_asked_is_a_go():
+def test_an_aircraft_with_recommended_parameters_is_a_go():
     look = Look(ground_station=True, parameters=PX4_AS_ASKED)
     found = look.findings()
     assert {name for name, item in found.items() if item.level is NO_GO} == set()
@@ -124,7 +124,7 @@ def test_an_aircraft_set_as_asked_is_a_go():
         assert found[name].level is OK, str(found[name])
 
 
-def test_px4_as_it_comes_is_a_no_go_for_what_it_does_after_a_dead_companion():
+def test_px4_with_default_parameters_is_a_no_go_for_its_offboard_loss_action():
     found = Look().findings()
     assert [name for name, item in found.items() if item.level is NO_GO] == [
         "take over",
@@ -136,7 +136,7 @@ def test_px4_as_it_comes_is_a_no_go_for_what_it_does_after_a_dead_companion():
     assert found["remote control"].level is WARNING
 
 
-def test_ardupilot_set_as_asked_is_a_go():
+def test_ardupilot_with_recommended_parameters_is_a_go():
     vehicle = replace(VEHICLE, autopilot=None, risk=replace(VEHICLE.risk, cells=3))
     look = Look(
         autopilot="ardupilot",
@@ -152,7 +152,7 @@ def test_ardupilot_set_as_asked_is_a_go():
         assert found[name].level is OK, str(found[name])
 
 
-def test_ardupilot_as_it_comes_flies_on_for_long_and_hits_nothing():
+def test_ardupilot_with_default_parameters_flies_on_for_long_and_hits_no_obstacle():
     vehicle = replace(VEHICLE, autopilot=None, risk=replace(VEHICLE.risk, cells=3))
     found = Look(autopilot="ardupilot", age_s=60.0, vehicle=vehicle).findings()
     assert [name for name, item in found.items() if item.level is NO_GO] == []
@@ -169,7 +169,7 @@ def test_ardupilot_before_its_gps_has_no_position():
     assert found["position"].text == "no local position is received"
 
 
-def test_it_sends_heartbeats_and_questions_and_nothing_that_moves_the_aircraft():
+def test_the_check_sends_heartbeats_and_requests_and_no_packet_that_commands_motion():
     look = Look()
     look.findings()
     sent = messages(look.sent)
@@ -190,7 +190,7 @@ def test_it_sends_heartbeats_and_questions_and_nothing_that_moves_the_aircraft()
     assert len(beats) == pytest.approx(look.now_s, abs=2)
 
 
-def test_nobody_there():
+def test_a_link_without_any_system_is_a_finding():
     look = Look()
     look.connected = False
     (finding,) = look.findings().values()
@@ -200,7 +200,7 @@ def test_nobody_there():
     assert "TX and RX crossed" in finding.remedy
 
 
-def test_somebody_there_who_is_no_autopilot():
+def test_bytes_without_an_autopilot_are_reported():
     look = Look()
     look.connected = False
     look.preflight.receive(LINK, bytes(500), 0.0)
@@ -217,13 +217,13 @@ def test_two_autopilots_are_both_named():
     look.preflight.receive(LINK, beat.pack(other), look.now_s)
     while not look.preflight.done:
         look.step()
-    told = [item for item in look.preflight.findings() if item.subject == "autopilot"]
-    assert [item.level for item in told] == [OK, NO_GO]
-    assert "px4 with system id 1" in told[0].text
-    assert "ardupilot with system id 7" in told[1].text
+    reported = [item for item in look.preflight.findings() if item.subject == "autopilot"]
+    assert [item.level for item in reported] == [OK, NO_GO]
+    assert "px4 with system id 1" in reported[0].text
+    assert "ardupilot with system id 7" in reported[1].text
 
 
-def test_another_autopilot_than_the_vehicle_file_says():
+def test_an_autopilot_that_is_not_that_of_the_vehicle_file_is_a_finding():
     vehicle = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
     finding = Look(vehicle=vehicle).findings()["autopilot"]
     assert (finding.level, "the vehicle file says ardupilot" in finding.text) == (NO_GO, True)
@@ -243,13 +243,13 @@ def upload(look, corners_m):
     )
 
 
-def test_a_fence_that_is_not_in_the_way_is_told():
+def test_a_fence_that_does_not_limit_the_flight_is_reported():
     found = Look(parameters={"GF_MAX_HOR_DIST": 100.0, "GF_ACTION": 2}).findings()
     assert found["fence"].level is OK
     assert found["fence"].text == "the whole site and its landing points are inside"
 
 
-def test_no_fence_is_told():
+def test_a_missing_fence_is_reported():
     assert Look().findings()["fence"].text == "none"
 
 
@@ -275,7 +275,7 @@ def test_targets_and_landing_points_outside_the_fence_are_a_no_go(autopilot, par
     assert "target splice-outer" not in outside
 
 
-def test_what_px4_does_with_a_landing_ordered_outside_is_told():
+def test_px4s_action_on_a_landing_ordered_outside_the_fence_is_reported():
     look = Look(parameters={"GF_MAX_HOR_DIST": 10.0, "GF_ACTION": 2})
     while not look.preflight.done:
         look.step()
@@ -283,7 +283,7 @@ def test_what_px4_does_with_a_landing_ordered_outside_is_told():
     assert "take a LAND that is ordered there back to that hold" in texts[0]
 
 
-def test_an_uploaded_polygon_is_looked_at():
+def test_an_uploaded_polygon_is_checked():
     look = Look()
     upload(look, [(15, -20), (35, -20), (35, 20), (15, 20)])
     found = look.findings()
@@ -291,13 +291,13 @@ def test_an_uploaded_polygon_is_looked_at():
     assert found["landing exit 0"].level is NO_GO
 
 
-def test_an_uploaded_fence_that_is_not_told_is_a_warning():
+def test_an_uploaded_fence_that_is_not_received_is_a_warning():
     look = Look()
     look.deaf_to_fences = True
     assert look.findings()["uploaded fence"].level is WARNING
 
 
-def test_a_site_in_another_country():
+def test_a_site_in_another_country_is_a_no_go():
     found = Look(latitude_deg=47.397742, longitude_deg=8.545594).findings()
     assert found["position"].level is NO_GO
     assert "km from the site 315 kV double circuit" in found["position"].text
@@ -306,13 +306,13 @@ def test_a_site_in_another_country():
 
 
 @pytest.mark.parametrize("beside_m", [12.0, 400.0])
-def test_a_stand_beside_the_plane(beside_m):
+def test_a_take_off_place_beside_the_plane_is_a_warning(beside_m):
     finding = Look(at_m=(27.0, beside_m, 0.0)).findings()["position"]
     assert finding.level is WARNING
     assert "m N of plane > 2" in finding.text
 
 
-def test_a_stand_kilometres_from_the_plane_is_another_site():
+def test_a_take_off_place_kilometres_from_the_plane_is_another_site():
     finding = Look(at_m=(27.0, 3000.0, 0.0)).findings()["position"]
     assert finding.level is NO_GO
     assert "is it the right site file?" in finding.remedy
@@ -328,7 +328,7 @@ def test_a_stand_kilometres_from_the_plane_is_another_site():
         (-4.0, NO_GO, "m too high"),
     ],
 )
-def test_an_altitude_that_is_not_the_sites(height_m, level, words):
+def test_an_altitude_that_differs_from_the_site_is_reported(height_m, level, words):
     """Keep-outs are 0.9 m, and the landing points are at 2.5 m."""
     finding = Look(at_m=(27.0, 0.0, height_m)).findings()["height"]
     assert finding.level is level
@@ -369,7 +369,7 @@ def test_few_satellites_are_a_warning():
     assert "satellites 7" in finding.text
 
 
-def test_a_battery_that_is_nearly_empty():
+def test_a_battery_that_is_nearly_empty_is_a_no_go():
     look = Look()
     look.autopilot.conditions.battery_percent = 10.0
     assert look.findings()["battery risk"].level is NO_GO
@@ -382,7 +382,7 @@ def test_the_capacity_and_the_powers_of_the_vehicle_file_count():
     assert "battery 0 flight time left at home 71." in finding.text
 
 
-def test_what_the_service_refuses_an_inspection_for_is_a_no_go_whatever_the_risk_is():
+def test_a_condition_that_makes_the_service_refuse_an_inspection_is_a_no_go():
     remaining = replace(VEHICLE.risk.battery_remaining, low=0.5, high=0.05)
     risk = replace(VEHICLE.risk, cells=None, battery_remaining=remaining)
     look = Look(site=None, vehicle=replace(VEHICLE, risk=risk))
@@ -394,7 +394,7 @@ def test_what_the_service_refuses_an_inspection_for_is_a_no_go_whatever_the_risk
 
 
 @pytest.mark.parametrize("cells", [3, 6])
-def test_cells_that_cannot_be(cells):
+def test_an_impossible_number_of_cells_is_a_no_go(cells):
     vehicle = replace(VEHICLE, risk=replace(VEHICLE.risk, cells=cells))
     finding = Look(vehicle=vehicle).findings()["battery 0"]
     assert finding.level is NO_GO
@@ -410,13 +410,13 @@ def test_a_full_battery_of_fewer_cells_than_the_vehicle_file_has_is_not_to_be_ch
         assert found[name].remedy.startswith("risk.cells or the charge is wrong: ")
 
 
-def test_a_link_that_loses_packets():
+def test_a_link_that_loses_packets_is_a_warning():
     look = Look()
     look.autopilot.conditions.link_loss_percent = 25.0
     found = look.findings()
     assert found["communication risk"].level is WARNING
     assert "% of packets" in found["communication risk"].text
-    # Each is asked for again until it is told.
+    # Each parameter is requested again until it is received.
     assert "unknown" not in found["COM_OBL_RC_ACT"].text
     assert "unread" not in found["companion failure"].text
 
@@ -432,7 +432,7 @@ def test_a_parameter_that_decides_and_is_lost_on_the_link_is_a_no_go(name, level
     assert (finding.level, finding.text.startswith("unknown")) == (level, True)
 
 
-def test_a_link_that_pauses_for_longer_than_a_position_may_be_old():
+def test_a_pause_of_the_link_longer_than_the_position_timeout_is_a_no_go():
     look = Look()
     for _ in range(100):
         look.step()
@@ -445,7 +445,7 @@ def test_a_link_that_pauses_for_longer_than_a_position_may_be_old():
     assert "longest pause 0.8" in finding.text
 
 
-def test_an_autopilot_that_falls_silent_while_it_is_looked_at():
+def test_an_autopilot_that_falls_silent_during_the_check_is_reported():
     look = Look(site=None)
     for _ in range(150):
         look.step()
@@ -455,7 +455,7 @@ def test_an_autopilot_that_falls_silent_while_it_is_looked_at():
     assert found["ATTITUDE"].level is NO_GO
 
 
-def test_an_operators_link_is_not_where_the_autopilot_is_missed():
+def test_a_missing_autopilot_is_not_reported_for_an_operators_link():
     links = (LinkConfig(url=LINK), LinkConfig(url="udp::14550", role=LinkRole.OPERATOR))
     preflight = Preflight(CompanionConfig(vehicle=CONFIGS, links=links), VEHICLE, PLANNER)
     preflight.tick(0.0)
@@ -472,7 +472,7 @@ def signed_look(secret):
     return Look(signing=Signing(key=SigningKey(SECRET), wall_s=0.0), links=links)
 
 
-def test_an_autopilot_on_a_signed_link_is_looked_at():
+def test_an_autopilot_on_a_signed_link_is_checked():
     found = signed_look(SECRET).findings()
     assert found["firmware"].text == "1.17.0"
     assert "signing" not in found
@@ -496,7 +496,7 @@ def test_an_autopilot_whose_time_stamps_stay_behind_is_named():
         (OTHER_SECRET, "wrong signature", "the key that signing names"),
     ],
 )
-def test_an_autopilot_that_does_not_sign_as_asked_is_told(secret, reason, remedy):
+def test_an_autopilot_that_does_not_sign_as_configured_is_reported(secret, reason, remedy):
     found = signed_look(secret).findings()
     assert found["autopilot"].level is NO_GO
     assert found["signing"].text.startswith(f"{LINK}: ")

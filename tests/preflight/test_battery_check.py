@@ -1,4 +1,4 @@
-"""Batteries before a flight: what their figures say of each other and of the vehicle file."""
+"""Batteries before a flight: their values compared with each other and the vehicle file."""
 
 import pytest
 
@@ -10,10 +10,10 @@ from moar_companion.telemetry import Battery, Telemetry
 OK, NOTE, WARNING, NO_GO = Level
 
 
-def found(*, cells=4, told_cells=None, **figures):
+def found(*, cells=4, reported_cells=None, **figures):
     """Finding on one battery. cells: the vehicle file's."""
     battery = Battery(
-        received_s=5.0, current_a=None, charge_state=None, cells=told_cells, **figures
+        received_s=5.0, current_a=None, charge_state=None, cells=reported_cells, **figures
     )
     (finding,) = battery_findings(Telemetry(batteries={0: battery}), RiskModel(cells=cells))
     return finding
@@ -37,14 +37,14 @@ def found(*, cells=4, told_cells=None, **figures):
         (0.03, None, NO_GO, "3%, voltage unknown"),
     ],
 )
-def test_a_battery(remaining, voltage_v, level, words):
+def test_a_battery_is_judged_by_its_charge_and_voltage(remaining, voltage_v, level, words):
     finding = found(remaining=remaining, voltage_v=voltage_v)
     assert finding.subject == "battery 0"
     assert (finding.level, words in finding.text) == (level, True), finding.text
     assert bool(finding.remedy) is (level >= WARNING)
 
 
-def test_a_battery_that_tells_nothing_is_no_go_and_beside_one_that_tells_a_warning():
+def test_a_silent_battery_is_a_no_go_and_a_warning_beside_a_battery_that_reports():
     nothing = found(remaining=None, voltage_v=None)
     assert (nothing.level, nothing.text) == (
         NO_GO,
@@ -62,18 +62,18 @@ def test_a_battery_that_tells_nothing_is_no_go_and_beside_one_that_tells_a_warni
     assert unknown.remedy != CHARGE  # it is misread
 
 
-@pytest.mark.parametrize(("told", "level"), [(4, OK), (5, NO_GO), (3, NO_GO), (None, OK)])
-def test_the_number_of_cells_is_compared_with_what_the_battery_tells(told, level):
-    finding = found(remaining=0.7, voltage_v=15.6, cells=4, told_cells=told)
+@pytest.mark.parametrize(("reported", "level"), [(4, OK), (5, NO_GO), (3, NO_GO), (None, OK)])
+def test_the_number_of_cells_is_compared_with_that_of_the_battery(reported, level):
+    finding = found(remaining=0.7, voltage_v=15.6, cells=4, reported_cells=reported)
     assert finding.level is level
-    assert (f"voltages of {told} cells, and the vehicle file says 4" in finding.text) is (
+    assert (f"voltages of {reported} cells, and the vehicle file says 4" in finding.text) is (
         level is NO_GO
     )
     assert ("correct risk.cells" in finding.remedy) is (level is NO_GO)
 
 
-def test_a_battery_that_tells_its_cells_says_what_the_vehicle_file_lacks():
-    finding = found(remaining=0.7, voltage_v=15.6, cells=None, told_cells=4)
+def test_the_cells_that_a_battery_reports_are_proposed_for_the_vehicle_file():
+    finding = found(remaining=0.7, voltage_v=15.6, cells=None, reported_cells=4)
     assert finding.level is NOTE
     assert finding.text.endswith("without risk.cells in the vehicle file, which is 4")
 
@@ -86,6 +86,6 @@ def test_a_voltage_is_not_judged_without_the_number_of_cells():
     assert (empty.level, empty.remedy) == (NO_GO, CHARGE)
 
 
-def test_no_battery_at_all():
+def test_a_missing_battery_is_a_no_go():
     (finding,) = battery_findings(Telemetry(), RiskModel(cells=4))
     assert finding.level is NO_GO

@@ -44,8 +44,8 @@ def of_gps(kind, **parameters):
 
 
 def all_found(kind, policy=LossCheck.WARN, **parameters):
-    told = dict.fromkeys(profile(kind).failsafe_parameters, 0.0)
-    failsafes = profile(kind).failsafes({**told, **SAFE[kind], **parameters})
+    values = dict.fromkeys(profile(kind).failsafe_parameters, 0.0)
+    failsafes = profile(kind).failsafes({**values, **SAFE[kind], **parameters})
     findings = failsafe_findings(
         PLANNER, failsafes, Supervision(failsafe_action=policy), PowerModel.of(VEHICLE)
     )
@@ -53,7 +53,7 @@ def all_found(kind, policy=LossCheck.WARN, **parameters):
     return findings
 
 
-def test_what_a_landing_at_a_critical_battery_would_hit_is_named_with_what_mends_it():
+def test_an_obstacle_below_a_critical_battery_landing_is_named_with_a_remedy():
     (finding,) = found(ARDUPILOT, BATT_FS_CRT_ACT=1.0, BATT_CRT_MAH=660.0, BATT_CAPACITY=3300.0)
     assert finding.level is WARNING
     assert finding.text.startswith("critical battery, BATT_FS_CRT_ACT 1 (land): it would hit ")
@@ -71,9 +71,7 @@ def test_what_a_landing_at_a_critical_battery_would_hit_is_named_with_what_mends
         (PX4, "COM_LOW_BAT_ACT", {}),
     ],
 )
-def test_what_mends_a_batterys_action_on_the_ways_is_not_objected_to_by_the_rules(
-    kind, action, threshold
-):
+def test_the_rules_accept_the_remedy_for_a_battery_action_on_the_routes(kind, action, threshold):
     def of_battery(value):
         findings = found(kind, **{action: value, **threshold})
         return [item for item in findings if "battery" in item.text]
@@ -86,7 +84,7 @@ def test_what_mends_a_batterys_action_on_the_ways_is_not_objected_to_by_the_rule
 
 
 @pytest.mark.parametrize("value", [3.0, 4.0])
-def test_a_smart_return_is_judged_by_what_it_falls_back_to(value):
+def test_a_smart_return_is_judged_by_its_fallback(value):
     (finding,) = found(
         ARDUPILOT, BATT_FS_LOW_ACT=value, BATT_LOW_VOLT=14.0, RTL_ALT=1500.0, RTL_CONE_SLOPE=3.0
     )[:1]
@@ -94,7 +92,7 @@ def test_a_smart_return_is_judged_by_what_it_falls_back_to(value):
     assert "it would hit" in finding.text
 
 
-def test_an_altitude_hold_without_a_position_drifts_into_what_is_beside():
+def test_an_altitude_hold_without_a_position_drifts_into_obstacles_beside():
     (finding,) = of_gps(ARDUPILOT, FS_EKF_ACTION=2.0)
     assert finding.level is NOTE
     assert finding.text.startswith(
@@ -109,7 +107,7 @@ def by_rule(kind, name, parameters):
     return next(item for item in findings if item.subject == name)
 
 
-def test_a_voltage_that_nobody_can_forecast_is_said():
+def test_a_voltage_threshold_that_cannot_be_forecast_is_reported():
     (finding,) = found(ARDUPILOT, BATT_FS_CRT_ACT=1.0, BATT_CRT_VOLT=10.2)
     assert finding.level is WARNING
     assert "its time cannot be forecast without risk.cells" in finding.text
@@ -132,7 +130,7 @@ def test_motors_that_stop_are_a_no_go():
     )
 
 
-def test_what_no_parameter_mends_is_a_note():
+def test_a_finding_without_a_parameter_as_remedy_is_a_note():
     (finding,) = of_gps(PX4)
     assert finding.level is NOTE
     assert finding.text.startswith(
@@ -140,7 +138,7 @@ def test_what_no_parameter_mends_is_a_note():
     )
 
 
-def test_an_autopilot_that_stays_hits_nothing():
+def test_an_autopilot_that_stays_hits_no_obstacle():
     assert found(ARDUPILOT) == []
     open_site = replace(SITE, obstacles=())
     failsafes = profile(ARDUPILOT).failsafes(
@@ -152,7 +150,7 @@ def test_an_autopilot_that_stays_hits_nothing():
     assert finding.level is OK
 
 
-def test_a_drift_is_looked_at_on_all_its_way():
+def test_a_drift_is_checked_along_its_whole_path():
     """Beside a pole that is thinner than the drift, too."""
     failsafes = profile(PX4).failsafes(
         {**dict.fromkeys(profile(PX4).failsafe_parameters, 0.0), **SAFE[PX4]}
@@ -173,6 +171,6 @@ def test_without_a_home_a_return_is_not_taken_for_harmless():
     assert finding.text.startswith("home is unknown")
 
 
-def test_what_was_not_told_is_said():
+def test_a_parameter_that_was_not_received_is_reported():
     *_, finding = found(ARDUPILOT, RTL_ALT=None)
     assert (finding.level, finding.text) == (WARNING, "not reported, taken as default: RTL_ALT")

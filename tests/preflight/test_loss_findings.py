@@ -1,4 +1,4 @@
-"""On offboard loss: the check says before the flight what the service says then."""
+"""Offboard loss: before the flight the check reports the same as the service in flight."""
 
 from dataclasses import replace
 
@@ -28,8 +28,8 @@ PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 
 def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):
     """Findings on an autopilot with recommended parameters but for these."""
-    told = loss_of(kind, **{**PARAMETERS, **parameters})
-    findings = loss_findings(planner, told, None, policy)
+    loss = loss_of(kind, **{**PARAMETERS, **parameters})
+    findings = loss_findings(planner, loss, None, policy)
     assert {item.subject for item in findings} <= {LOSS_SUBJECT}
     return findings
 
@@ -45,7 +45,7 @@ def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):
         (autopilots.ARDUPILOT, "WPNAV_ACCEL", 50.0),
     ],
 )
-def test_the_check_says_before_what_the_service_says_then(policy, kind, name, value):
+def test_the_check_reports_the_same_findings_as_the_service_in_flight(policy, kind, name, value):
     desk = Desk(autopilot=KINDS[kind], supervision=Supervision(loss_action=policy))
     desk.parameters[name] = value
     desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
@@ -69,13 +69,13 @@ def test_an_escape_route_is_warned_about_and_never_a_no_go():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_autopilot_that_holds_hits_nothing(kind):
+def test_an_autopilot_that_holds_hits_no_obstacle(kind):
     (finding,) = found(kind)
     assert finding.level is OK
     assert finding.text == "the autopilot would hold, and hit nothing on any way of this site"
 
 
-def test_what_was_not_told_is_said_as_the_service_says_it():
+def test_a_parameter_that_was_not_received_is_reported_as_by_the_service():
     desk = Desk()
     del desk.parameters["RTL_MIN_DIST"]
     desk.run(5.0)
@@ -88,5 +88,5 @@ def test_what_was_not_told_is_said_as_the_service_says_it():
     assert finding.text in {text["reason"] for text in desk.decided("text")}
 
 
-def test_a_site_without_targets_has_no_ways_to_speak_of():
+def test_a_site_without_targets_has_no_route_findings():
     assert found(autopilots.PX4, planner=Planner(replace(SITE, targets=()), VEHICLE)) == []

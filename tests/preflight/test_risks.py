@@ -41,7 +41,7 @@ def found(*looks, causes=None, batteries=()):
     return {item.subject: item for item in findings}
 
 
-def test_what_is_never_told_is_a_no_go_where_a_flight_is_judged_by_it():
+def test_a_risk_input_that_is_never_received_is_a_no_go_if_a_mission_needs_it():
     levels = {name: item.level for name, item in found((0.0, Telemetry())).items()}
     assert levels == {
         "wind risk": NOTE,
@@ -51,7 +51,7 @@ def test_what_is_never_told_is_a_no_go_where_a_flight_is_judged_by_it():
     }
 
 
-def test_a_bad_word_counts_until_the_next_one_as_it_does_for_the_service():
+def test_a_bad_value_counts_until_the_next_value_as_in_the_service():
     lost = Telemetry(gnss=NO_FIX, estimator=WELL)
     silent = replace(lost, estimator=replace(WELL, received_s=10.0))
     finding = found((0.0, lost), (10.0, silent))["localization risk"]
@@ -64,9 +64,9 @@ def test_a_bad_word_counts_until_the_next_one_as_it_does_for_the_service():
     assert mended["localization risk"].level is OK
 
 
-def test_what_was_told_and_is_told_no_more_is_a_no_go():
-    told = Telemetry(batteries={0: replace(EMPTY, remaining=0.9)}, estimator=WELL)
-    later = found((0.0, told), (60.0, told))
+def test_a_risk_input_that_is_received_no_more_is_a_no_go():
+    received = Telemetry(batteries={0: replace(EMPTY, remaining=0.9)}, estimator=WELL)
+    later = found((0.0, received), (60.0, received))
     for name in ("battery risk", "localization risk"):
         assert later[name].level is NO_GO
         assert later[name].text.startswith("no input of it is received any more, ")
@@ -90,10 +90,10 @@ def test_a_limit_of_the_supervisor_that_is_passed_is_a_no_go(cause, subject, rem
     assert finding.remedy.startswith(remedy)
 
 
-def test_what_misreads_a_battery_is_mended_before_any_is_charged():
+def test_the_remedy_for_a_misread_battery_comes_before_charging():
     batteries = (MISREAD, LOW)
-    told = Telemetry(batteries={0: EMPTY})
-    assert found((0.0, told), batteries=batteries)["battery risk"].remedy == MISREAD.remedy
-    assert found((0.0, told), batteries=(LOW,))["battery risk"].remedy == CHARGE
+    received = Telemetry(batteries={0: EMPTY})
+    assert found((0.0, received), batteries=batteries)["battery risk"].remedy == MISREAD.remedy
+    assert found((0.0, received), batteries=(LOW,))["battery risk"].remedy == CHARGE
     unreported = found((0.0, Telemetry()), batteries=batteries)
     assert unreported["battery risk"].remedy == MISREAD.remedy

@@ -88,7 +88,7 @@ def of_ardupilot(name, value, **more):
     [(PX4, PX4_AS_ASKED), (ARDUPILOT, ARDUPILOT_AS_ASKED)],
     ids=["PX4", "ArduPilot"],
 )
-def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(kind, parameters):
+def test_recommended_parameters_cause_only_notes_without_a_remedy(kind, parameters):
     found = findings(kind, parameters)
     assert list(found) == list(parameters)
     assert worst(found.values()) is NOTE
@@ -96,7 +96,7 @@ def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(kind
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_a_parameter_that_was_not_told_is_unknown_and_never_well(kind):
+def test_a_parameter_that_was_not_received_is_unknown_and_never_passes(kind):
     missing = findings(kind, dict.fromkeys(PX4_AS_ASKED | ARDUPILOT_AS_ASKED))
     assert missing == findings(kind, {})
     assert min(item.level for item in missing.values()) is NOTE
@@ -108,7 +108,7 @@ def test_a_parameter_that_was_not_told_is_unknown_and_never_well(kind):
     ("kind", "asked"),
     [(PX4, PX4_AS_ASKED), (ARDUPILOT, ARDUPILOT_AS_ASKED)],
 )
-def test_what_may_be_a_no_go_is_one_while_it_was_not_told(kind, asked):
+def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked):
     unknown = findings(kind, {})
     values = [*map(float, range(-1, 65)), 0.25, 0.8, 1e4]
     for name in asked:
@@ -156,7 +156,7 @@ def test_what_may_be_a_no_go_is_one_while_it_was_not_told(kind, asked):
         ("no drag fusion", "EKF2_DRAG_CTRL", 0.0, NOTE, "from the lean"),
     ],
 )
-def test_px4(title, name, value, level, words):
+def test_each_parameter_of_px4_has_its_level_and_text(title, name, value, level, words):
     finding = of_px4(name, value)
     assert (finding.level, words in str(finding)) == (level, True), str(finding)
 
@@ -165,13 +165,13 @@ def test_px4(title, name, value, level, words):
     ("lost", "level", "words"),
     [(2.0, WARNING, "climbs first"), (3.0, OK, "0 (position mode"), (6.0, NO_GO, "it falls")],
 )
-def test_px4s_default_for_a_dead_companion_is_what_a_lost_transmitter_does(lost, level, words):
+def test_px4s_default_offboard_loss_action_is_that_of_a_lost_transmitter(lost, level, words):
     finding = of_px4("COM_OBL_RC_ACT", 0.0, NAV_RCL_ACT=lost)
     assert finding.level is level
     assert words in str(finding)
 
 
-def test_what_px4_does_on_a_lost_transmitter_is_no_matter_where_it_does_not_count():
+def test_px4s_action_on_a_lost_transmitter_is_ignored_where_it_has_no_effect():
     finding = of_px4("NAV_RCL_ACT", 2.0, COM_RCL_EXCEPT=4.0)
     assert (finding.level, "by COM_RCL_EXCEPT" in finding.text) == (OK, True)
     assert of_px4("NAV_RCL_ACT", 2.0, COM_RCL_EXCEPT=None).level is WARNING
@@ -188,13 +188,13 @@ def test_a_soft_ardupilot_is_judged_and_mended_as_the_service_does(name, value):
     assert finding.remedy.partition(", or")[0] in (lag or "")
 
 
-def test_a_return_by_an_unknown_way_is_refused_by_the_check_as_by_the_service():
+def test_a_return_on_an_unknown_route_is_refused_by_the_check_as_by_the_service():
     finding = of_px4("COM_OBL_RC_ACT", 3.0, RTL_TYPE=1.0)
     assert (finding.level, finding.remedy) == (NO_GO, "set 5 (hold)")
     assert of_px4("COM_OBL_RC_ACT", 5.0, RTL_TYPE=1.0).level is OK
 
 
-def test_where_an_objection_is_but_a_warning_it_is_one_here():
+def test_an_objection_that_is_a_warning_in_the_service_is_a_warning_in_the_check():
     for kind, asked, name, value in (
         (PX4, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
         (PX4, {**PX4_AS_ASKED, "RTL_TYPE": 1.0}, "COM_OBL_RC_ACT", 3.0),
@@ -206,7 +206,7 @@ def test_where_an_objection_is_but_a_warning_it_is_one_here():
         assert found[name].level is WARNING
 
 
-def test_a_mute_telem2_is_no_matter_where_a_ground_station_is_heard():
+def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
     parameters = {**PX4_AS_ASKED, "MAV_1_FORWARD": 0.0}
     found = findings(PX4, parameters, ground_station_received=True)
     assert found["MAV_1_FORWARD"].level is OK
@@ -260,28 +260,28 @@ def test_a_mute_telem2_is_no_matter_where_a_ground_station_is_heard():
         ("no drag coefficient", "EK3_DRAG_MCOEF", 0.0, NOTE, "the companion does"),
     ],
 )
-def test_ardupilot(title, name, value, level, words):
+def test_each_parameter_of_ardupilot_has_its_level_and_text(title, name, value, level, words):
     finding = of_ardupilot(name, value)
     assert (finding.level, words in str(finding)) == (level, True), str(finding)
 
 
-def test_what_ardupilot_does_on_a_lost_transmitter_is_no_matter_where_it_does_not_count():
+def test_ardupilots_action_on_a_lost_transmitter_is_ignored_where_it_has_no_effect():
     assert of_ardupilot("FS_THR_ENABLE", 1.0, FS_OPTIONS=4.0).level is OK
 
 
 @pytest.mark.parametrize("stage", ["LOW", "CRT"])
-def test_the_action_of_a_battery_that_no_threshold_tells_of_never_happens(stage):
+def test_a_battery_action_without_a_threshold_is_ignored(stage):
     action, volts, charge = f"BATT_FS_{stage}_ACT", f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH"
     finding = of_ardupilot(action, 1.0, **{volts: 0.0})
     assert finding.level is WARNING
     assert f"1 (land), but never: {volts} and {charge} are 0" in finding.text
     assert f"{volts} or {charge}" in finding.remedy
     assert of_ardupilot(action, 5.0, **{volts: 0.0}).level is NO_GO
-    for told in ({charge: 500.0}, {volts: 14.0, charge: 0.0}, {charge: None}):
-        assert of_ardupilot(action, 1.0, **{volts: 0.0, **told}).level is OK
+    for received in ({charge: 500.0}, {volts: 14.0, charge: 0.0}, {charge: None}):
+        assert of_ardupilot(action, 1.0, **{volts: 0.0, **received}).level is OK
 
 
-def test_what_ardupilot_does_at_a_fence_that_is_off_is_good_to_know():
+def test_ardupilots_action_at_a_disabled_fence_is_a_note():
     finding = of_ardupilot("FENCE_ACTION", 1.0, FENCE_ENABLE=0.0)
     assert (finding.level, finding.remedy) == (NOTE, "")
     assert "once the fence is on: FENCE_ENABLE is 0" in finding.text
@@ -289,7 +289,7 @@ def test_what_ardupilot_does_at_a_fence_that_is_off_is_good_to_know():
     assert of_ardupilot("FENCE_ACTION", 2.0, FENCE_ENABLE=0.0).level is OK
 
 
-def test_a_threshold_of_the_whole_pack_says_little_without_the_number_of_cells():
+def test_a_threshold_of_the_whole_pack_is_not_judged_without_the_number_of_cells():
     linedrone = named_vehicle("linedrone_uniform")
     found = findings(ARDUPILOT, ARDUPILOT_AS_ASKED, vehicle=linedrone)
     assert found["BATT_LOW_VOLT"].level is NOTE
@@ -298,10 +298,10 @@ def test_a_threshold_of_the_whole_pack_says_little_without_the_number_of_cells()
 @pytest.mark.parametrize(
     ("risk", "level"), [(0.0, OK), (0.1, NOTE), (0.5, WARNING), (0.99, WARNING), (1.0, NO_GO)]
 )
-def test_the_level_of_a_risk(risk, level):
+def test_the_level_of_a_finding_follows_from_the_risk(risk, level):
     assert Level.of_risk(risk) is level
 
 
-def test_a_finding_says_what_it_is_and_how_to_mend_it():
+def test_a_finding_has_a_text_and_a_remedy():
     finding = Finding(level=NO_GO, subject="it", text="is wrong", remedy="mend it")
     assert (str(finding.level), str(finding)) == ("no-go", "it: is wrong; mend it")

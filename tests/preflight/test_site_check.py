@@ -48,7 +48,7 @@ def wall(name, x_m):
 @pytest.mark.parametrize(
     "site", ["120kv_single_circuit", "315kv_double_circuit", "horizontal_three_conductors"]
 )
-def test_nothing_keeps_the_shipped_sites_and_vehicles_from_being_flown(site, vehicle):
+def test_the_shipped_sites_and_vehicles_have_no_no_go(site, vehicle):
     planner = as_flown(
         Site.load(CONFIGS / "sites" / f"{site}.yaml"),
         Vehicle.load(CONFIGS / "vehicles" / f"{vehicle}.yaml"),
@@ -56,18 +56,18 @@ def test_nothing_keeps_the_shipped_sites_and_vehicles_from_being_flown(site, veh
     assert worst(site_findings(planner)) < NO_GO
 
 
-def test_the_site_of_the_shipped_configuration_has_nothing_to_mend():
+def test_the_site_of_the_shipped_configuration_has_no_warning():
     assert {item.level for item in found().values()} == {OK}
 
 
-def test_a_target_says_how_long_its_ways_take_and_how_near_they_come():
+def test_a_target_is_reported_with_the_times_and_clearances_of_its_routes():
     assert found()["target splice-inner"].text == (
         "exit 56 s, evacuation 46 s, from splice-outer 41 s, 3.5 m from obstacles at least"
     )
 
 
 def seconds(text):
-    """The times that a finding tells."""
+    """The times in the text of a finding."""
     return [float(number) for number in re.findall(r"(\d+) s\b", text)]
 
 
@@ -132,47 +132,47 @@ def test_the_escape_route_and_the_dwell_and_the_reserve_are_part_of_the_flight(
     ],
     ids=["outside", "too low", "inside an obstacle", "within a keep-out"],
 )
-def test_a_place_where_nothing_can_be_flown(place, words):
+def test_a_place_without_any_path_is_reported(place, words):
     finding = found(replace(SITE, targets=(target(*place),)))["target it"]
     assert (finding.level, words in finding.text) == (NO_GO, True), finding.text
     finding = found(replace(SITE, start_m=place))["start"]
     assert (finding.level, words in finding.text) == (WARNING, True), finding.text
 
 
-def test_a_wall_before_a_target():
+def test_a_target_behind_a_wall_is_a_no_go():
     site = replace(SITE, obstacles=(wall("wall", 14.0),), targets=(target(5.0, 10.0),))
     finding = found(site)["target it"]
     assert finding.level is NO_GO
     assert finding.text == "no free path: exit, from the start"
 
 
-def test_a_wall_between_two_targets():
+def test_a_wall_between_two_targets_is_reported():
     far = Target(name="far", position_m=(5.0, 10.0), dwell_s=5.0)
     site = replace(SITE, obstacles=(wall("wall", 14.0),), targets=(target(25.0, 10.0), far))
     assert "from it" in found(site)["target far"].text
 
 
-def test_a_start_where_nothing_begins_says_nothing_of_the_targets():
+def test_targets_are_not_judged_from_a_start_without_any_path():
     finding = found(replace(SITE, start_m=(99.0, 5.0)))["target splice-outer"]
     assert finding.level is OK
     assert "from" not in finding.text.split(", 3.")[0]
 
 
-def test_a_site_without_targets_or_landing_points_says_which_missions_it_lacks():
+def test_a_site_without_targets_or_landing_points_is_reported_with_the_missing_missions():
     everything = found(replace(SITE, targets=(), landing_m={}))
     for subject in ("targets", "landing exit", "landing evacuation"):
         assert everything[subject].level is WARNING
     assert "flight time" not in everything
 
 
-def test_a_landing_point_next_to_a_conductor():
+def test_a_landing_point_next_to_a_conductor_is_a_no_go():
     site = replace(SITE, landing_m={Mission.EXIT: ((9.17, 4.5),)})
     finding = found(site)["landing exit 0"]
     assert finding.level is NO_GO
     assert "0.78 m from left-lower" in finding.text
 
 
-def test_a_landing_point_that_nothing_sees_is_told_and_the_others_serve():
+def test_a_landing_point_that_no_cell_sees_is_reported_and_the_rest_are_used():
     corners = ((33.0, -1.0), (34.0, -1.0), (34.0, 30.0), (33.0, 30.0))
     between = Polygon(name="house", vertices_m=corners)
     site = replace(
@@ -187,7 +187,7 @@ def test_a_landing_point_that_nothing_sees_is_told_and_the_others_serve():
     assert "exit" in everything["target splice-inner"].text
 
 
-def test_cells_between_which_an_obstacle_is_lost():
+def test_cells_too_coarse_for_an_obstacle_are_reported():
     bare = tuple(
         replace(item, keep_out_m=0.0) for item in SITE.obstacles if isinstance(item, Conductor)
     )
@@ -203,48 +203,48 @@ def test_cells_between_which_an_obstacle_is_lost():
     assert "obstacle left-lower" not in found(site)
 
 
-def test_the_margin_is_told_and_warned_about_where_it_is_less_than_was_seen():
+def test_the_margin_is_reported_with_a_warning_if_it_is_less_than_the_measured_error():
     finding = found()["margin"]
-    told = "2.55 m beyond every keep_out_m: position error 1.4 m, tracking error 1.15 m"
-    assert (finding.level, finding.text) == (OK, told)
+    reported = "2.55 m beyond every keep_out_m: position error 1.4 m, tracking error 1.15 m"
+    assert (finding.level, finding.text) == (OK, reported)
     ardupilot = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
     assert found(vehicle=ardupilot)["margin"].text.startswith("1.40 m beyond")
     finding = found(limits=Supervision(position_uncertainty_m=0.2))["margin"]
     assert finding.level is WARNING
     assert finding.text.endswith(
-        f"; to be expected of an unknown autopilot: {told.partition(': ')[2]}"
+        f"; to be expected of an unknown autopilot: {reported.partition(': ')[2]}"
     )
     finding = found(vehicle=ardupilot, limits=Supervision(position_uncertainty_m=0.4))["margin"]
     assert finding.level is WARNING
 
 
-def test_an_acceleration_at_which_px4_strays_farther_than_the_margin():
+def test_an_acceleration_with_a_px4_error_above_the_margin_is_a_warning():
     quick = replace(VEHICLE, guidance=replace(VEHICLE.guidance, acceleration_mps2=2.5))
     finding = found(vehicle=quick)["margin"]
     assert finding.level is WARNING
     assert "tracking error 1.45 m" in finding.text
 
 
-def test_a_flight_that_is_longer_than_its_battery():
+def test_a_flight_that_is_longer_than_its_battery_is_a_warning():
     long = replace(SITE, targets=(replace(SITE.targets[0], dwell_s=2000.0),))
     finding = found(long)["flight time"]
     assert finding.level is WARNING
     assert "a full battery lasts 1200 s" in finding.text
 
 
-def test_a_speed_that_is_never_reached():
+def test_a_speed_that_is_never_reached_is_a_note():
     fast = Vehicle.load(CONFIGS / "vehicles" / "linedrone.yaml")
     assert found(vehicle=fast)["speed"].level is NOTE
 
 
-def test_maps_that_are_felt_in_memory(monkeypatch):
+def test_large_maps_are_a_warning(monkeypatch):
     monkeypatch.setattr("moar_companion.preflight.site_check._LARGE_BYTES", 1_000_000)
     finding = found()["workspace"]
     assert finding.level is WARNING
     assert "100 x 66 cells of 0.3 m" in finding.text
 
 
-def test_no_obstacles_at_all():
+def test_a_site_without_obstacles_has_no_finding():
     everything = found(replace(SITE, obstacles=()))
     assert worst(everything.values()) is OK
     assert "obstacles" not in everything["target splice-outer"].text

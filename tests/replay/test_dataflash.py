@@ -1,4 +1,4 @@
-"""ArduPilot's onboard logs, read as the companion hears its autopilot."""
+"""ArduPilot's onboard logs, read as the telemetry that the companion receives."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ PLACE = {"Lat": 45.0, "Lng": -71.0, "Alt": 210.0}
 
 
 def received(*rows):
-    """The listener after messages, a second apart, and what it said."""
-    listener, said = DataflashListener(), []
+    """The listener after messages, a second apart, and its texts."""
+    listener, events = DataflashListener(), []
     for second, (name, fields) in enumerate(rows, start=1):
-        said += listener.handle((name, {"TimeUS": second * 10**6} | fields), float(second))
-    return listener, said
+        events += listener.handle((name, {"TimeUS": second * 10**6} | fields), float(second))
+    return listener, events
 
 
 def telemetry(*rows):
@@ -34,11 +34,11 @@ def telemetry(*rows):
 
 
 def test_the_mode_is_the_heartbeat_of_the_same_mode_and_finds_the_autopilot_once():
-    listener, said = received(GUIDED, ("EV", {"Id": 10}), ("MODE", {"ModeNum": 9}))
+    listener, events = received(GUIDED, ("EV", {"Id": 10}), ("MODE", {"ModeNum": 9}))
     status = listener.telemetry.autopilot
     assert (status.mode, status.armed, status.ours, status.homeward) == ("LAND", True, False, True)
     assert (listener.vehicle_type, listener.leans, status.motors) == ("quadrotor", True, 4)
-    assert [type(item).__name__ for item in said] == ["AutopilotFound"]
+    assert [type(item).__name__ for item in events] == ["AutopilotFound"]
 
 
 def test_the_frame_decides_how_many_motors_there_are():
@@ -47,7 +47,7 @@ def test_the_frame_decides_how_many_motors_there_are():
     assert not plane.leans
 
 
-def test_the_autopilot_lives_while_it_logs():
+def test_the_autopilot_counts_as_connected_while_it_logs():
     attitude = ("ATT", {"Roll": 0.0, "Pitch": 0.0, "Yaw": 0.0})
     assert telemetry(GUIDED, attitude, attitude).autopilot.received_s == 3.0
 
@@ -57,8 +57,8 @@ def test_errors_of_failsafes_are_a_failsafe_until_they_clear():
     assert telemetry(GUIDED, ("ERR", begun)).autopilot.failsafe
     assert not telemetry(GUIDED, ("ERR", begun), ("ERR", cleared)).autopilot.failsafe
     assert not telemetry(GUIDED, ("ERR", {"Subsys": 2, "ECode": 1})).autopilot.failsafe
-    _, said = received(GUIDED, ("ERR", begun))
-    assert said[-1].received.text == "ERR subsystem 6, code 1"
+    _, events = received(GUIDED, ("ERR", begun))
+    assert events[-1].received.text == "ERR subsystem 6, code 1"
 
 
 def test_landing_and_taking_off_are_events():
@@ -87,7 +87,7 @@ def test_home_is_about_the_estimators_origin():
     assert home.position_ned_m == pytest.approx((0.0, 0.0, 5.0))
 
 
-def test_the_estimators_health_has_none_for_what_is_not_used():
+def test_the_estimators_health_has_none_for_unused_sensors():
     found = telemetry(("XKF4", HEALTH)).estimator
     assert found.horizontal_position_ok
     assert (found.velocity_innovation, found.height_innovation) == (0.1, None)
@@ -168,10 +168,10 @@ def test_a_log_is_replayed_like_any_recording(tmp_path, vehicle):
     replay = played(str(path), vehicle)
     assert replay.autopilot == "ardupilot"
     assert replay.duration_s == pytest.approx(5.0)
-    told = [(round(event.time_s, 1), event.kind, event.text) for event in replay.events]
-    assert (0.0, "mode", "GUIDED") in told
-    assert (5.0, "mode", "LAND") in told
-    assert (0.0, "text", "autopilot info: ArduCopter V4.6.3") in told
+    reported = [(round(event.time_s, 1), event.kind, event.text) for event in replay.events]
+    assert (0.0, "mode", "GUIDED") in reported
+    assert (5.0, "mode", "LAND") in reported
+    assert (0.0, "text", "autopilot info: ArduCopter V4.6.3") in reported
 
 
 def test_a_log_that_is_cut_short_is_replayed_to_its_end(tmp_path, vehicle):
@@ -181,7 +181,7 @@ def test_a_log_that_is_cut_short_is_replayed_to_its_end(tmp_path, vehicle):
 
 
 @pytest.mark.parametrize("garbage", [b"", bytes(200), bytes(range(256))])
-def test_of_a_log_of_garbage_nothing_is_known(tmp_path, vehicle, garbage):
+def test_a_log_of_random_bytes_gives_no_telemetry(tmp_path, vehicle, garbage):
     path = tmp_path / "broken.bin"
     path.write_bytes(log()[:89] + garbage)
     with contextlib.suppress(InputError):

@@ -75,13 +75,13 @@ def test_planted_differences_are_named_with_both_values_and_there_are_no_others(
     assert 0.0 < abs(float(four.recorded) - float(four.recomputed)) < 1e-5
 
 
-def test_a_missing_input_parts_the_flights(calls):
+def test_a_missing_input_is_a_difference_between_the_flights(calls):
     received = [index for index, call in enumerate(calls) if call[0] == "receive"]
     fewer = [call for index, call in enumerate(calls) if index not in received[10:40]]
     assert differences(fewer[:2000])[0]
 
 
-def test_a_flight_by_sight_is_repeated_without_a_difference():
+def test_a_flight_with_perception_is_repeated_without_a_difference():
     flight = hovering(SITE)
     flight.run_until(lambda: made(flight), 5.0)
     flight.operator.mission(INSPECTION, 0)

@@ -1,4 +1,4 @@
-"""A recording played back: what is known when, what happened, and how time goes."""
+"""A recording played back: its values, its events and its time."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_samples_come_at_a_regular_rate_from_the_first_packet_to_the_last():
     assert replay.duration_s == pytest.approx(10.0)
 
 
-def test_an_index_is_null_until_one_of_its_inputs_was_known():
+def test_an_index_is_null_until_one_of_its_inputs_is_received():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     tape.run(5)
@@ -170,7 +170,7 @@ def test_a_lost_fix_and_a_falling_battery_are_events():
     ]
 
 
-def test_a_battery_without_a_word_of_its_own_is_low_by_what_is_left():
+def test_a_battery_without_a_charge_state_is_low_by_its_remaining_charge():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     tape.run(2, BATTERY_STATUS=battery(21))
@@ -179,7 +179,7 @@ def test_a_battery_without_a_word_of_its_own_is_low_by_what_is_left():
     assert events(tape.end(), "battery") == [("battery", "battery 0 at 20%")]
 
 
-def test_the_missions_state_is_what_the_companion_said():
+def test_the_missions_state_is_that_reported_by_the_companion():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     tape.run(1)
@@ -200,7 +200,7 @@ def test_the_missions_state_is_what_the_companion_said():
     ]
 
 
-def test_what_is_said_over_and_over_is_told_once_in_ten_seconds():
+def test_a_repeated_text_is_reported_once_in_ten_seconds():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     for _ in range(25):
@@ -242,7 +242,7 @@ def test_while_the_autopilot_is_silent_its_mode_is_unknown():
     assert replay.samples[-1].mode == "HOLD"
 
 
-def test_a_gap_of_minutes_ages_everything_as_it_did_in_flight():
+def test_a_gap_of_minutes_ages_all_values_as_in_flight():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     tape.run(10, **GOOD_GPS)
@@ -255,7 +255,7 @@ def test_a_gap_of_minutes_ages_everything_as_it_did_in_flight():
     assert at(replay, 200.0).risk["localization"] >= 0.5
 
 
-def test_a_long_silence_is_judged_by_its_samples_alone_and_says_the_same(monkeypatch):
+def test_a_long_silence_is_judged_by_its_samples_alone_with_the_same_result(monkeypatch):
     looks = []
     monkeypatch.setattr(
         player, "update", lambda *given, **named: looks.append(1) or update(*given, **named)
@@ -288,7 +288,7 @@ def test_a_long_silence_is_judged_by_its_samples_alone_and_says_the_same(monkeyp
         (1e9, "the recorder's clock steps forward by 11574.1 d"),
     ],
 )
-def test_a_clock_that_is_set_is_told_and_time_goes_on(step_s, words):
+def test_a_step_of_the_clock_is_reported_and_time_continues(step_s, words):
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     tape.run(5)
@@ -314,7 +314,7 @@ def test_a_late_packet_is_no_step_of_the_clock():
     assert replay.duration_s == pytest.approx(10.0)
 
 
-def test_without_an_autopilot_nothing_is_known():
+def test_without_an_autopilot_all_values_are_unknown():
     tape = Tape()
     tape.record(tape.ground.ground_heartbeat(), tape.companion.heartbeat())
     replay = tape.end()
@@ -352,7 +352,7 @@ def with_random_payload(message_id, seed):
     return b"\xfd" + header + payload + struct.pack("<H", crc)
 
 
-def test_whatever_the_autopilot_says_the_json_is_finite():
+def test_the_json_is_finite_for_any_values_of_the_autopilot():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     wanted = sorted(telemetry_receiver.MESSAGE_IDS | {75, 76, 77, 253})

@@ -22,7 +22,7 @@ def replayed(flight, companion, *, pieces):
     return sent
 
 
-def test_a_recorded_flight_is_sent_again_byte_for_byte_however_its_bytes_are_split():
+def test_a_recorded_flight_is_sent_again_byte_for_byte_with_any_split_of_its_bytes():
     flight = Lockstep(vehicle="x500")
     flight.begin(INSPECTION)
     flight.autopilot.conditions.wind_mps = 6.0

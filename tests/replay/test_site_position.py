@@ -18,24 +18,26 @@ from ..safety.telemetry import px4_status
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
-HEARD_S = 100.0
-PX4 = px4_status(HEARD_S)
+RECEIVED_S = 100.0
+PX4 = px4_status(RECEIVED_S)
 
 
 def by_gnss(position_m):
-    """Telemetry of an aircraft whose estimator's origin is not told."""
+    """Telemetry without the origin of the estimator."""
     point = SITE.frame.to_geodetic(position_m)
-    return Telemetry(autopilot=PX4, global_position=GlobalPosition(received_s=HEARD_S, point=point))
+    return Telemetry(
+        autopilot=PX4, global_position=GlobalPosition(received_s=RECEIVED_S, point=point)
+    )
 
 
 def by_its_estimator(position_m):
-    """Telemetry of an aircraft whose estimator began where it is."""
+    """Telemetry with the origin of the estimator at the position of the aircraft."""
     still = (0.0, 0.0, 0.0)
     local = LocalPosition(
-        received_s=HEARD_S, boot_s=50.0, position_ned_m=still, velocity_ned_mps=still
+        received_s=RECEIVED_S, boot_s=50.0, position_ned_m=still, velocity_ned_mps=still
     )
-    origin = LocalOrigin(received_s=HEARD_S, point=SITE.frame.to_geodetic(position_m))
-    level = Attitude(received_s=HEARD_S, roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0)
+    origin = LocalOrigin(received_s=RECEIVED_S, point=SITE.frame.to_geodetic(position_m))
+    level = Attitude(received_s=RECEIVED_S, roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0)
     return Telemetry(autopilot=PX4, attitude=level, local_position=local, local_origin=origin)
 
 
@@ -51,27 +53,29 @@ def place_at(planner):
     return lambda telemetry, now_s: site_position.at(telemetry, RiskIndices(), now_s)
 
 
-@pytest.mark.parametrize("told", [by_gnss, by_its_estimator])
-def test_a_position_is_known_for_two_seconds(place_at, told):
-    telemetry = told((26.0, 0.5, 5.0))
-    assert place_at(telemetry, HEARD_S + 1.9).position_m == pytest.approx((26.0, 0.5, 5.0), abs=0.1)
-    assert place_at(telemetry, HEARD_S + 2.1) is None
+@pytest.mark.parametrize("telemetry_of", [by_gnss, by_its_estimator])
+def test_a_position_is_valid_for_two_seconds(place_at, telemetry_of):
+    telemetry = telemetry_of((26.0, 0.5, 5.0))
+    assert place_at(telemetry, RECEIVED_S + 1.9).position_m == pytest.approx(
+        (26.0, 0.5, 5.0), abs=0.1
+    )
+    assert place_at(telemetry, RECEIVED_S + 2.1) is None
 
 
-@pytest.mark.parametrize("told", [by_gnss, by_its_estimator])
+@pytest.mark.parametrize("telemetry_of", [by_gnss, by_its_estimator])
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0)], ids=["along", "across"])
-def test_ten_kilometres_from_the_site_there_is_no_place(place_at, told, direction):
+def test_ten_kilometres_from_the_site_there_is_no_place(place_at, telemetry_of, direction):
     near, far = (tuple(reach_m * part for part in direction) for reach_m in (9_900.0, 10_100.0))
-    assert place_at(told(near), HEARD_S).position_m == pytest.approx(near, abs=30.0)
-    assert place_at(told(far), HEARD_S) is None
+    assert place_at(telemetry_of(near), RECEIVED_S).position_m == pytest.approx(near, abs=30.0)
+    assert place_at(telemetry_of(far), RECEIVED_S) is None
 
 
 def test_without_a_position_there_is_no_place(place_at):
-    assert place_at(Telemetry(), HEARD_S) is None
-    assert place_at(Telemetry(autopilot=PX4), HEARD_S) is None
+    assert place_at(Telemetry(), RECEIVED_S) is None
+    assert place_at(Telemetry(autopilot=PX4), RECEIVED_S) is None
 
 
-def test_an_escape_route_is_planned_with_the_margin_also_from_within_it():
+def test_an_escape_route_is_planned_with_the_margin_also_from_within_the_margin():
     """1.5 m below a conductor: an X500's hull is nearer to it than PX4's margin allows."""
     file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
     site_position = replay._site_position(str(file), VEHICLE)
@@ -79,6 +83,6 @@ def test_an_escape_route_is_planned_with_the_margin_also_from_within_it():
     x_m, z_m = SITE.obstacles[3].position_m
     near, free = (
         site_position.at(by_gnss((x_m, 0.0, z_m - below_m)), RiskIndices(), at_s)
-        for below_m, at_s in ((1.5, HEARD_S), (3.6, HEARD_S + 2.0))
+        for below_m, at_s in ((1.5, RECEIVED_S), (3.6, RECEIVED_S + 2.0))
     )
     assert near.evacuation_s > free.evacuation_s

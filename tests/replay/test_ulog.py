@@ -1,4 +1,4 @@
-"""PX4's own logs, read as the companion hears its autopilot."""
+"""PX4's onboard logs, read as the telemetry that the companion receives."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_position_counts_where_the_estimator_calls_it_valid():
     assert telemetry("vehicle_local_position", **(POSITION | {"x": NAN})) == Telemetry()
 
 
-def test_the_origin_is_known_once_it_is_global():
+def test_the_origin_is_used_once_it_is_global():
     reference = {"ref_lat": 45.0, "ref_lon": -72.0, "ref_alt": 200.0, "xy_global": 1, "z_global": 1}
     origin = telemetry("vehicle_local_position", **POSITION, **reference).local_origin
     assert (origin.point.latitude_deg, origin.point.altitude_amsl_m) == (45.0, 200.0)
@@ -120,8 +120,8 @@ def test_each_battery_has_its_warning_in_mavlinks_numbers():
     ],
 )
 def test_a_logged_warning_is_the_charge_state_that_px4_sends(warning, charge_state):
-    told = telemetry("battery_status", **(BATTERY | {"warning": warning})).batteries[0]
-    assert told.charge_state == charge_state
+    read = telemetry("battery_status", **(BATTERY | {"warning": warning})).batteries[0]
+    assert read.charge_state == charge_state
 
 
 @pytest.mark.parametrize(
@@ -136,31 +136,31 @@ def test_a_logged_warning_is_the_charge_state_that_px4_sends(warning, charge_sta
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_says_unknown_is_unknown(name, fields):
+def test_a_logged_unknown_value_is_unknown(name, fields):
     assert telemetry(name, **fields) == Telemetry()
 
 
-def test_wind_blows_towards_where_the_log_says():
+def test_the_wind_direction_is_that_of_the_log():
     wind = telemetry("wind", windspeed_north=3.0, windspeed_east=-4.0, variance_north=0.2).wind
     assert wind.velocity_ned_mps == (3.0, -4.0, 0.0)
 
 
 @pytest.mark.parametrize(("north_mps", "variance_m2ps2"), [(0.0, 0.0), (7.0, 0.0), (7.0, NAN)])
-def test_a_wind_without_a_variance_is_what_its_message_says(north_mps, variance_m2ps2):
+def test_a_wind_without_a_variance_is_that_of_its_message(north_mps, variance_m2ps2):
     fields = {"windspeed_east": 0.0, "variance_east": variance_m2ps2}
     logged = telemetry(
         "wind", windspeed_north=north_mps, variance_north=variance_m2ps2, **fields
     ).wind
-    said = updated("WIND_COV", now_s=1.0, wind_x=north_mps, var_horiz=variance_m2ps2).wind
-    assert logged == said
+    expected = updated("WIND_COV", now_s=1.0, wind_x=north_mps, var_horiz=variance_m2ps2).wind
+    assert logged == expected
 
 
-def test_a_wind_is_as_uncertain_as_its_message_says():
+def test_the_uncertainty_of_the_wind_is_that_of_its_message():
     wind = {"windspeed_north": 0.0, "windspeed_east": 0.0}
     logged = telemetry("wind", **wind, variance_north=4.0, variance_east=14.0).wind
     assert logged.deviation_mps == pytest.approx(3.0)
-    said = updated("WIND_COV", wind_x=0.0, wind_y=0.0, var_horiz=18.0).wind
-    assert said.deviation_mps == logged.deviation_mps
+    expected = updated("WIND_COV", wind_x=0.0, wind_y=0.0, var_horiz=18.0).wind
+    assert expected.deviation_mps == logged.deviation_mps
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_a_radio_is_read_as_its_message(signals):
         rxerrors=3,
         txbuf=90,
     ).radio
-    said = updated(
+    expected = updated(
         "RADIO_STATUS",
         now_s=logged.received_s,
         rssi=rssi,
@@ -187,10 +187,10 @@ def test_a_radio_is_read_as_its_message(signals):
         rxerrors=3,
         txbuf=90,
     ).radio
-    assert logged == said
+    assert logged == expected
 
 
-def test_of_several_estimators_the_one_it_is_flown_by_speaks():
+def test_of_several_estimators_the_selected_one_is_read():
     first, second = {"pos_horiz_accuracy": 0.3}, {"pos_horiz_accuracy": 4.0}
     both = [("estimator_status", first), ("estimator_status:1", second)]
 
@@ -202,7 +202,7 @@ def test_of_several_estimators_the_one_it_is_flown_by_speaks():
     assert accuracy_m(("estimator_selector_status", {"primary_instance": 255}), *both) == 0.3
 
 
-def test_accuracy_of_nothing_is_unknown():
+def test_a_logged_accuracy_of_zero_is_unknown():
     gnss = telemetry("vehicle_gps_position", fix_type=3, satellites_used=14, eph=0.0, hdop=NAN).gnss
     assert (gnss.satellites, gnss.hdop, gnss.horizontal_accuracy_m) == (14, None, None)
     estimator = telemetry("estimator_status", solution_status_flags=0x10, mag_test_ratio=0.0)
@@ -212,14 +212,14 @@ def test_accuracy_of_nothing_is_unknown():
     )
 
 
-def test_a_signal_of_none_from_the_start_is_not_told():
+def test_a_signal_strength_of_zero_from_the_start_is_unknown():
     assert telemetry("input_rc", rssi=0).remote_control.rssi is None
     lost = received(("input_rc", {"rssi": 80}), ("input_rc", {"rssi": 0})).telemetry
     assert lost.remote_control.rssi == 0.0
     assert telemetry("input_rc", rssi=-1).remote_control.rssi is None
 
 
-def test_ground_stations_are_heard_by_a_flag_or_by_the_times_of_their_heartbeats():
+def test_ground_stations_are_received_by_a_flag_or_by_the_times_of_their_heartbeats():
     flag = telemetry("telemetry_status", heartbeat_type_gcs=1)
     assert flag.ground_station.received_s == 1.0
     slots = {"heartbeats[1].type": 6, "heartbeats[1].timestamp": 4 * 10**5}
@@ -232,21 +232,21 @@ def test_outputs_that_idle_are_not_in_use():
     assert motors.pulse_us == (1500, 1600)
 
 
-def test_standing_and_flying_are_told():
+def test_on_ground_and_in_air_are_reported():
     assert telemetry("vehicle_land_detected", landed=1).landed.state is LandedState.ON_GROUND
     assert telemetry("vehicle_land_detected", landed=0).landed.state is LandedState.IN_AIR
 
 
-def test_samples_come_in_order_and_none_before_the_log_begins():
+def test_samples_are_in_order_and_none_is_before_the_start_of_the_log():
     topics = [
         UlogTopic(name="vehicle_land_detected", instance=0, columns={"timestamp": [5, 30]}),
         UlogTopic(name="vehicle_attitude", instance=0, columns={"timestamp": [10, 20, 40]}),
         UlogTopic(name="cpuload", instance=0, columns={"timestamp": [15]}),
     ]
-    told = list(samples(topics, [(25, 4, "a warning"), (7, 99, "nonsense")], 12))
-    assert [round(time_s * 1e6) for time_s, _ in told] == [12, 12, 12, 20, 25, 30, 40]
+    read = list(samples(topics, [(25, 4, "a warning"), (7, 99, "nonsense")], 12))
+    assert [round(time_s * 1e6) for time_s, _ in read] == [12, 12, 12, 20, 25, 30, 40]
     texts = [
-        (sample.received.severity, sample.received.text) for _, sample in told if sample.received
+        (sample.received.severity, sample.received.text) for _, sample in read if sample.received
     ]
     assert texts == [("debug", "nonsense"), ("warning", "a warning")]
 
@@ -273,7 +273,7 @@ def test_two_batteries_and_a_vtol_on_the_ground_that_has_no_position():
 
 @pytest.mark.recordings
 @pytest.mark.skipif(not LOGS, reason="no recordings beside the checkout")
-def test_a_log_on_the_bench_knows_little():
+def test_a_log_on_the_bench_has_few_values():
     pytest.importorskip("pyulog")
     vehicle = Vehicle.load(shipped_configs() / "vehicles" / "linedrone.yaml")
     replay = played(str(LOGS[0]), vehicle)

@@ -34,7 +34,7 @@ def messages(data):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
+def test_the_service_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
     with (
         listener() as (item, port),
         companion("--connect", f"udpout:127.0.0.1:{port}", "--site", SITE) as running,
@@ -55,7 +55,7 @@ def test_it_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
         assert "Traceback" not in errors
 
 
-def test_a_log_that_nobody_reads_holds_up_neither_the_cycles_nor_the_end():
+def test_a_log_without_a_reader_delays_neither_the_cycles_nor_the_end():
     log = stopped_pipe()
     with (
         listener() as (item, port),
@@ -69,7 +69,7 @@ def test_a_log_that_nobody_reads_holds_up_neither_the_cycles_nor_the_end():
     assert log.rest() == b""
 
 
-def test_without_a_site_it_serves_telemetry_and_risk_only():
+def test_without_a_site_the_service_gives_telemetry_and_risk_only():
     with (
         listener() as (item, port),
         companion("--connect", f"udpout:127.0.0.1:{port}"),
@@ -99,7 +99,7 @@ def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, named, caps
     assert named in one_line(arguments, 2, capsys)
 
 
-def test_it_records_from_the_first_heartbeat(tmp_path):
+def test_the_service_records_from_the_first_heartbeat(tmp_path):
     configuration = tmp_path / "companion.yaml"
     with listener() as (item, port):
         configuration.write_text(
@@ -116,7 +116,7 @@ def test_it_records_from_the_first_heartbeat(tmp_path):
     assert (folder / "decisions.jsonl").exists()
 
 
-def test_an_unusable_state_file_and_a_recording_that_vanishes_are_told_to_people(tmp_path):
+def test_an_unusable_state_file_and_a_lost_recording_are_reported_to_the_operator(tmp_path):
     configuration, state = tmp_path / "companion.yaml", tmp_path / "state"
     state.mkdir()
     (state / "mission.json").write_text("{")
@@ -170,7 +170,7 @@ def test_fifty_readers_of_the_view_with_32_descriptors_cost_one_line_and_no_hear
     assert re.fullmatch(rf"WARNING view on {view}: more than \d+ readers are refused", warning)
 
 
-def test_the_service_manager_is_told_when_planner_and_links_are_up(tmp_path):
+def test_the_service_manager_is_notified_when_planner_and_links_are_ready(tmp_path):
     address = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager, listener() as (_, port):
         manager.bind(address)

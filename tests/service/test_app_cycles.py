@@ -37,7 +37,7 @@ def clock_s():
 
 @pytest.fixture
 def received():
-    """A socket that hears the service."""
+    """A socket that receives the packets of the service."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
         item.bind(("127.0.0.1", 0))
         item.setblocking(False)
@@ -63,7 +63,7 @@ def serve(received, seconds, **config):
             return messages
 
 
-def test_the_status_tells_the_time_of_a_clock_that_is_set_later(monkeypatch):
+def test_the_status_has_the_time_of_a_clock_that_is_set_later(monkeypatch):
     config = CompanionConfig(vehicle=VEHICLE)
     monkeypatch.setattr(time, "time", lambda: 1000.0)
     service = Service(config, Companion(config, Vehicle.load(VEHICLE), None), None, None)
@@ -101,7 +101,7 @@ def stamps(data):
         data = data[8 + data[9] + 12 :]
 
 
-def test_control_of_a_cycle_too_long_ago_is_not_sent(received, monkeypatch):
+def test_control_output_of_an_old_cycle_is_not_sent(received, monkeypatch):
     cycles, followed = [], set()
     tick, ask = Companion.tick, Companion.control_to_send
 
@@ -148,10 +148,14 @@ def test_control_that_is_paused_on_its_escape_route_is_not_sent(
     assert modes.count(0) == 1
 
 
-def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(received, monkeypatch):
+def test_after_a_stall_waiting_packets_are_received_before_any_packet_is_sent(
+    received, monkeypatch
+):
     autopilot = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    said = [autopilot.heartbeat_encode(2, 12, 209, mode, 4) for mode in (*[OFFBOARD] * 4, POSCTL)]
-    waiting = [bytes(message.pack(autopilot)) for message in said]
+    heartbeats = [
+        autopilot.heartbeat_encode(2, 12, 209, mode, 4) for mode in (*[OFFBOARD] * 4, POSCTL)
+    ]
+    waiting = [bytes(message.pack(autopilot)) for message in heartbeats]
     modes, tick, ask = [], Companion.tick, Companion.control_to_send
 
     def stalled(self, now_s):
@@ -192,15 +196,17 @@ def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
         manager.bind(address)
         manager.setblocking(False)
         serve(received, 1.0)
-        told = set()
+        reported = set()
         with contextlib.suppress(BlockingIOError):
             while True:
-                told.add(manager.recv(64))
-    assert told == {b"READY=1", b"STOPPING=1", *([b"WATCHDOG=1"] if fed else [])}
+                reported.add(manager.recv(64))
+    assert reported == {b"READY=1", b"STOPPING=1", *([b"WATCHDOG=1"] if fed else [])}
 
 
-def test_the_companion_is_told_what_the_computer_has_left(received, tmp_path, monkeypatch):
-    asked, told = set(), set()
+def test_the_companion_receives_the_free_memory_and_disk_of_the_computer(
+    received, tmp_path, monkeypatch
+):
+    asked, reported = set(), set()
 
     def left(recordings):
         asked.add(recordings)
@@ -208,13 +214,13 @@ def test_the_companion_is_told_what_the_computer_has_left(received, tmp_path, mo
 
     monkeypatch.setattr(host_monitor.shutil, "disk_usage", left)
     monkeypatch.setattr(host_monitor, "memory_available", lambda _: 2e8)
-    monkeypatch.setattr(Companion, "note_host", lambda _, host: told.add(host))
+    monkeypatch.setattr(Companion, "note_host", lambda _, host: reported.add(host))
     serve(received, 0.3, recorder=RecorderSettings(directory=tmp_path))
     assert asked == set(tmp_path.iterdir())
-    assert told == {Host(disk_free=3e9, memory_available=2e8)}
+    assert reported == {Host(disk_free=3e9, memory_available=2e8)}
 
 
-def test_a_disk_that_stands_still_holds_up_neither_the_cycles_nor_the_end(
+def test_a_stalled_disk_delays_neither_the_cycles_nor_the_end(
     received, tmp_path, monkeypatch, caplog
 ):
     answers, looks, usage = threading.Event(), [], shutil.disk_usage

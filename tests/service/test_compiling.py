@@ -1,4 +1,4 @@
-"""The first start: the service is heard while its planner is compiled, and orders wait for it."""
+"""The first start: the service sends while its planner is compiled, and orders wait."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_an_order_waits_for_a_planner_that_is_only_loaded():
     assert "no autopilot is received" in texts
 
 
-def test_what_ends_motion_waits_for_nothing():
+def test_an_order_that_ends_motion_does_not_wait_for_the_planner():
     station = Station()
     station.companion.await_planner("compiling planner: 3 of 11")
     station.order(RELEASE)
@@ -94,7 +94,7 @@ def test_what_ends_motion_waits_for_nothing():
     assert "rejected: compiling" not in texts
 
 
-def test_what_ends_motion_cancels_what_waits():
+def test_an_order_that_ends_motion_cancels_waiting_orders():
     station = Station()
     station.companion.await_planner()
     station.order(INSPECTION)
@@ -120,19 +120,17 @@ class Uncached:
         self.loaded += 1
 
 
-def test_where_nothing_can_be_kept_no_other_process_compiles(monkeypatch):
+def test_without_a_writable_cache_no_other_process_compiles(monkeypatch):
     kernel = Uncached(has_cache=False)
     monkeypatch.setattr(compiling, "KERNELS", [kernel])
     started = []
     monkeypatch.setattr(compiling.subprocess, "Popen", lambda *a, **_: started.append(a))
-    told = []
-    assert compiling.make_ready(lambda *counts: told.append(counts), threading.Event())
-    assert (started, told, kernel.loaded) == ([], [], 1)
+    reported = []
+    assert compiling.make_ready(lambda *counts: reported.append(counts), threading.Event())
+    assert (started, reported, kernel.loaded) == ([], [], 1)
 
 
-def test_a_process_that_cannot_be_started_leaves_none_behind_and_the_service_compiles(
-    monkeypatch, caplog
-):
+def test_if_a_process_cannot_be_started_the_rest_end_and_the_service_compiles(monkeypatch, caplog):
     kernels = [Uncached(has_cache=True), Uncached(has_cache=True)]
     monkeypatch.setattr(compiling, "KERNELS", kernels)
     monkeypatch.setattr(compiling.os, "sched_getaffinity", lambda _: {0, 1})
@@ -153,7 +151,7 @@ def test_a_process_that_cannot_be_started_leaves_none_behind_and_the_service_com
 
 
 @pytest.mark.slow
-def test_at_its_first_start_it_is_heard_at_once_and_tells_how_far_it_is(tmp_path):
+def test_at_the_first_start_the_service_sends_at_once_and_reports_the_progress(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
         item.bind(("127.0.0.1", 0))
         item.settimeout(30)

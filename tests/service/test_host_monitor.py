@@ -18,7 +18,7 @@ def test_the_memory_that_linux_calls_available():
     assert memory_available("MemTotal: 4030000 kB\n") is None
 
 
-def test_this_computer_tells_both(tmp_path):
+def test_memory_and_disk_of_this_computer_are_reported(tmp_path):
     left = look(tmp_path)
     assert left.disk_free is not None
     assert left.disk_free > 0.0
@@ -31,12 +31,12 @@ def look(recordings):
     return watch.look()
 
 
-def test_nothing_is_known_of_no_folder_or_one_that_is_gone(tmp_path):
+def test_the_free_disk_of_a_missing_folder_is_unknown(tmp_path):
     assert look(None).disk_free is None
     assert look(tmp_path / "gone").disk_free is None
 
 
-def test_a_disk_that_does_not_answer_keeps_nobody_waiting_and_its_last_word_holds(
+def test_a_disk_that_does_not_answer_delays_no_caller_and_keeps_its_last_value(
     tmp_path, monkeypatch
 ):
     asked, answers, words = threading.Event(), threading.Event(), iter([3e9, 2e9, 1e9])

@@ -85,10 +85,12 @@ def test_another_programs_reader_gets_birth_every_topic_and_the_end(port, reader
     with publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop:
         wait_until(loop.turn)
         wait_until(lambda: all(reader.of(topic.name) for topic in TOPICS))
-        told = {name.removeprefix("moar/a1/"): quality for name, _, quality, _ in reader.messages}
+        reported = {
+            name.removeprefix("moar/a1/"): quality for name, _, quality, _ in reader.messages
+        }
         # amqtt delivers with the reader's quality of service, where that is the better one.
-        assert all(told[topic.name] >= topic.qos for topic in TOPICS)
-        assert set(told) == {topic.name for topic in TOPICS} | {"online"}
+        assert all(reported[topic.name] >= topic.qos for topic in TOPICS)
+        assert set(reported) == {topic.name for topic in TOPICS} | {"online"}
         assert reader.of("online")[-1]["online"]
         assert reader.of("mission")[-1]["state"] == "flying"
     wait_until(lambda: not reader.of("online")[-1]["online"])
@@ -99,7 +101,7 @@ def test_another_programs_reader_gets_birth_every_topic_and_the_end(port, reader
         assert all(retained for *_, retained in late.messages)
 
 
-def test_a_reader_that_reads_nothing_holds_up_nobody(port, reader, tmp_path, monkeypatch):
+def test_a_reader_that_reads_nothing_delays_no_other(port, reader, tmp_path, monkeypatch):
     later_s = itertools.count(0.0, 10.0)
     monkeypatch.setattr(mqtt_publisher, "clock_s", lambda: next(later_s))
     with (
@@ -115,7 +117,7 @@ def test_a_reader_that_reads_nothing_holds_up_nobody(port, reader, tmp_path, mon
         assert loop.client.connected
 
 
-def test_nothing_waits_for_a_broker_that_is_away_and_one_line_tells_of_it(tmp_path, caplog):
+def test_an_absent_broker_delays_no_call_and_is_logged_in_one_line(tmp_path, caplog):
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
         publishing(f"mqtt://127.0.0.1:{free_tcp_port()}", tmp_path) as loop,
@@ -128,7 +130,7 @@ def test_nothing_waits_for_a_broker_that_is_away_and_one_line_tells_of_it(tmp_pa
     assert caplog.messages[0].endswith(": Connection refused; flying on, trying again")
 
 
-def test_of_a_broker_that_takes_nothing_the_newest_status_alone_is_kept(
+def test_for_a_broker_that_takes_nothing_only_the_newest_status_is_kept(
     tmp_path, caplog, monkeypatch
 ):
     monkeypatch.setattr(mqtt_client, "_TIMEOUT_S", 30.0)
@@ -147,7 +149,7 @@ def test_of_a_broker_that_takes_nothing_the_newest_status_alone_is_kept(
 
 
 @pytest.mark.parametrize("greeting", [b"", CONNACK], ids=["at once", "after its greeting"])
-def test_a_broker_that_stops_answering_is_left_and_tried_again(tmp_path, caplog, greeting):
+def test_a_broker_that_stops_answering_is_disconnected_and_tried_again(tmp_path, caplog, greeting):
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
         hanging(greeting) as (port, taken),
@@ -158,12 +160,12 @@ def test_a_broker_that_stops_answering_is_left_and_tried_again(tmp_path, caplog,
         while taken[0].recv(4096):
             """It is closed, and not kept for each attempt."""
     where = f"mqtt://127.0.0.1:{port}"
-    told = f"MQTT: no connection: {where}: Operation timed out; flying on, trying again"
-    assert caplog.messages == [told]
+    reported = f"MQTT: no connection: {where}: Operation timed out; flying on, trying again"
+    assert caplog.messages == [reported]
 
 
 @pytest.mark.slow
-def test_after_a_restart_of_the_broker_everything_is_told_anew(tmp_path, caplog):
+def test_after_a_restart_of_the_broker_every_topic_is_published_again(tmp_path, caplog):
     port = free_tcp_port()
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
@@ -194,11 +196,11 @@ def tls_port(tmp_path_factory):
         yield number
 
 
-# paho closes no socket after a handshake that failed: it is closed when it is forgotten.
+# paho closes no socket after a handshake that failed: the garbage collector closes it.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("authority", "name", "told"),
+    ("authority", "name", "reported"),
     [
         ("authority", "vehicle", "MQTT: connected to"),
         ("stranger", "vehicle", "certificate verify failed: "),
@@ -206,7 +208,7 @@ def tls_port(tmp_path_factory):
     ],
     ids=["right", "the broker's is of another authority", "ours is of another authority"],
 )
-def test_certificates_have_to_fit(tls_port, tmp_path, caplog, authority, name, told):
+def test_certificates_have_to_match(tls_port, tmp_path, caplog, authority, name, reported):
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
         publishing(
@@ -218,8 +220,8 @@ def test_certificates_have_to_fit(tls_port, tmp_path, caplog, authority, name, t
         ) as loop,
     ):
         wait_until(lambda: caplog.messages)
-        assert told in caplog.messages[0]
-        if "connected" not in told:
+        assert reported in caplog.messages[0]
+        if "connected" not in reported:
             time.sleep(0.5)
             assert loop.turn() == 0
             assert caplog.messages[0].startswith("MQTT: no connection: ")
@@ -236,12 +238,14 @@ def configured(tmp_path, port):
 
 
 def with_model(running, reader, vehicle):
-    """What a service has told of its mission; it has to run."""
+    """The mission that a service has published; the service has to run."""
     assert running.poll() is None, running.stderr.read()
     return reader.of("mission", vehicle)
 
 
-def test_the_service_publishes_and_when_it_is_killed_its_will_is_told(port, reader, tmp_path):
+def test_the_service_publishes_and_when_it_is_killed_its_last_will_is_published(
+    port, reader, tmp_path
+):
     with companion(*configured(tmp_path, port)) as running:
         wait_until(lambda: with_model(running, reader, "a2"))
         assert reader.of("mission", "a2")[-1]["state"] == "idle"
@@ -261,7 +265,7 @@ def test_a_broker_that_hangs_does_not_delay_the_end(tmp_path):
         assert "Traceback" not in errors
 
 
-def test_without_a_broker_its_library_is_not_read():
+def test_without_a_broker_the_mqtt_library_is_not_loaded():
     loaded = "import sys, moar_companion.service.app; print(*sys.modules)"
     modules = subprocess.run(
         [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
@@ -291,10 +295,10 @@ def test_signed_orders_reach_the_machine_once_and_are_answered(port, tmp_path):
         for payload in (wrong, right, right):
             reader.publish("moar/a3/order", payload)
         wait_until(lambda: len(reader.of("reply", "a3")) >= 3)
-        told = {
+        reported = {
             (reply["nonce"], reply["result"], reply["reason"]) for reply in reader.of("reply", "a3")
         }
-    assert told == {
+    assert reported == {
         (None, "DENIED", "wrong signature"),
         ("n" * 16, "DENIED", "given before"),
         ("n" * 16, "DENIED", "MOAR: no site is loaded, denied"),

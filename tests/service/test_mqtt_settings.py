@@ -1,4 +1,4 @@
-"""The broker of the configuration: its certificates and secrets, who may read them, bad ones."""
+"""The broker of the configuration: certificates, secrets, their permissions, and bad values."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_password_is_read_and_shown_nowhere(tmp_path, content):
 
 
 @pytest.mark.parametrize("mode", [0o440, 0o404, 0o644, 0o602])
-def test_a_password_that_is_open_to_others_is_refused(tmp_path, mode):
+def test_a_password_file_that_other_users_can_read_is_refused(tmp_path, mode):
     path = password_file(tmp_path, mode=mode)
     assert refusal(username="a1", password_file=path) == (
         f"companion.yaml: mqtt.password_file: is '{path}': is open to group or others "
@@ -106,7 +106,7 @@ def test_a_credential_of_systemd_comes_before_the_file(tmp_path, monkeypatch):
     assert found.password == "of systemd"
 
 
-def test_tls_takes_the_authority_and_our_certificate(tmp_path):
+def test_tls_uses_the_authority_and_the_companions_certificate(tmp_path):
     found = broker(
         "mqtts://10.0.0.2",
         ca_file=CERTIFICATES / "authority.pem",
@@ -146,7 +146,7 @@ def test_the_key_of_orders_is_read_only_where_orders_are_taken(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("section", "told"),
+    ("section", "reported"),
     [
         ("url: mqtt://a", "mqtt.vehicle: is missing"),
         ("{url: 'http://a', vehicle: a1}", "mqtt.url: is 'http://a', must be mqtt://HOST[:PORT]"),
@@ -160,11 +160,11 @@ def test_the_key_of_orders_is_read_only_where_orders_are_taken(tmp_path):
         ("{commands: {credential: a/b}}", "mqtt.commands.credential: is 'a/b', must be the name"),
     ],
 )
-def test_keys_that_do_not_fit_together_are_told(tmp_path, section, told):
+def test_keys_that_exclude_each_other_are_reported(tmp_path, section, reported):
     path = tmp_path / "companion.yaml"
     body = f"mqtt: {section}" if section.startswith("{") else f"mqtt:\n  {section}"
     path.write_text(f"vehicle: v.yaml\n{body}\n")
     with pytest.raises(InputError) as raised:
         CompanionConfig.load(path)
-    assert str(raised.value).startswith(f"{path}: {told}")
+    assert str(raised.value).startswith(f"{path}: {reported}")
     assert "secret" not in str(raised.value)

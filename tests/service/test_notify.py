@@ -24,8 +24,8 @@ def manager(request, tmp_path, monkeypatch):
         yield item
 
 
-def told(manager):
-    """All that it was told since the last look."""
+def notifications(manager):
+    """All notifications since the last call."""
     received = []
     while True:
         try:
@@ -34,9 +34,9 @@ def told(manager):
             return received
 
 
-def test_a_manager_is_told(manager):
+def test_a_service_manager_is_notified(manager):
     notify("READY=1")
-    assert told(manager) == [b"READY=1"]
+    assert notifications(manager) == [b"READY=1"]
 
 
 def test_without_a_manager_nothing_happens(monkeypatch, tmp_path):
@@ -51,23 +51,25 @@ def test_the_watchdog_is_fed_at_once_and_then_twice_in_its_time(manager, monkeyp
     watchdog = Watchdog()
     for tick in range(101):
         watchdog.feed(50.0 + 0.02 * tick)  # two seconds at 50 Hz
-    assert told(manager) == [b"WATCHDOG=1"] * 3
+    assert notifications(manager) == [b"WATCHDOG=1"] * 3
 
 
-def test_after_a_pause_it_is_fed_once(manager, monkeypatch):
+def test_after_a_pause_the_watchdog_is_fed_once(manager, monkeypatch):
     monkeypatch.setenv("WATCHDOG_USEC", "2000000")
     watchdog = Watchdog()
     watchdog.feed(50.0)
     watchdog.feed(90.0)
     watchdog.feed(90.02)
-    assert told(manager) == [b"WATCHDOG=1"] * 2
+    assert notifications(manager) == [b"WATCHDOG=1"] * 2
 
 
 @pytest.mark.parametrize(
     "environment", [{}, {"WATCHDOG_USEC": "100000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "soon"}]
 )
-def test_a_manager_that_does_not_ask_this_process_is_not_told(environment, manager, monkeypatch):
+def test_a_service_manager_that_does_not_ask_this_process_is_not_notified(
+    environment, manager, monkeypatch
+):
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     Watchdog().feed(50.0)
-    assert told(manager) == []
+    assert notifications(manager) == []

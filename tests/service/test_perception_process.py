@@ -129,7 +129,7 @@ def test_a_process_that_is_killed_is_started_again(settings, perception):
         assert perception.process_id not in {None, before}
 
 
-def test_it_ends_with_the_service(settings):
+def test_the_perception_process_ends_with_the_service(settings):
     process = PerceptionProcess(settings, SITE)
     first(process, lambda _: True)
     number = process.process_id
@@ -138,7 +138,7 @@ def test_it_ends_with_the_service(settings):
         os.kill(number, 0)
 
 
-def test_a_process_that_is_behind_delays_nobody(settings, perception):
+def test_a_slow_perception_process_delays_no_caller(settings, perception):
     first(perception, lambda _: True)
     os.kill(perception.process_id, signal.SIGSTOP)
     for _ in range(20_000):  # far more than the socket holds

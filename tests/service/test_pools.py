@@ -15,7 +15,7 @@ def running(name):
 
 
 @pytest.mark.parametrize("count", [1, 4])
-def test_all_threads_run_before_there_is_anything_to_do(count):
+def test_all_threads_run_before_the_first_task(count):
     pool = started_pool("eager", count)
     assert running("eager") == count
     assert pool.submit(lambda: 3).result() == 3

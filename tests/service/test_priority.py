@@ -1,4 +1,4 @@
-"""The service goes ahead of other programs; who embeds it, and what it starts, do not."""
+"""The priority of the service: above other programs, its embedder and its child processes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _permitted():
         pytest.skip("no priority over other programs is permitted here")
 
 
-def test_it_is_of_the_thread_and_of_those_that_it_makes_and_ends():
+def test_the_priority_is_of_the_thread_and_its_threads_and_is_restored():
     before, seen = nice(), []
     beside = threading.Thread(target=lambda: go.wait(10) and seen.append(nice()))
     go = threading.Event()
@@ -40,7 +40,7 @@ def test_it_is_of_the_thread_and_of_those_that_it_makes_and_ends():
     assert nice() == before
 
 
-def test_what_it_starts_is_put_behind():
+def test_a_started_process_has_a_lower_priority():
     with (
         ahead_of_others(),
         subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child,
@@ -67,7 +67,7 @@ def test_real_time_is_of_the_thread_alone_and_ends():
     assert seen == [os.SCHED_OTHER, before]
 
 
-def test_where_it_is_not_permitted_nothing_changes(monkeypatch):
+def test_without_permission_the_priority_does_not_change(monkeypatch):
     def refuse(*_):
         raise PermissionError
 

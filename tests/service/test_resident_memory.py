@@ -39,7 +39,7 @@ VmFlags: rd wr mr mw me ac
 """
 
 
-def test_only_what_the_file_still_holds_is_given_back():
+def test_only_memory_that_the_file_still_holds_is_released():
     """Not what relocation has written, in RAM or swapped; not other files."""
     assert list(unwritten(SMAPS.splitlines(), "libllvmlite.so")) == [
         (0x7F0000000000, 0x7F0000001000),

@@ -58,7 +58,7 @@ class Flown:
         self.link.mav.heartbeat_send(2, 12, 81, 3 << 16, 3)
 
     def handle(self, name, **fields):
-        """The next message of the companion with these fields; heartbeats go the other way."""
+        """The next message of the companion with these fields; sends heartbeats meanwhile."""
         until_s = time.monotonic() + PATIENCE_S
         beat_s = math.inf
         while time.monotonic() < until_s:
@@ -69,8 +69,8 @@ class Flown:
             if message is None or message.get_srcComponent() != 195:
                 continue
             beat_s = min(beat_s, time.monotonic())
-            said = message.to_dict()
-            if said["mavpackettype"] == name and fields.items() <= said.items():
+            message_fields = message.to_dict()
+            if message_fields["mavpackettype"] == name and fields.items() <= message_fields.items():
                 return message
         raise AssertionError(f"no {name} {fields}")
 
@@ -96,7 +96,7 @@ def flown(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_signed_packets_are_answered_signed_and_nothing_tells_the_key(flown):
+def test_signed_packets_are_answered_signed_and_no_output_shows_the_key(flown):
     with companion("--config", flown.file) as running:
         beat = flown.handle("HEARTBEAT")
         assert beat.get_signed()
@@ -128,7 +128,7 @@ def test_signed_packets_are_answered_signed_and_nothing_tells_the_key(flown):
 
 
 @pytest.mark.slow
-def test_a_service_that_is_started_again_goes_on_after_what_was_kept(flown):
+def test_a_service_that_is_restarted_continues_after_the_stored_time_stamps(flown):
     with companion("--config", flown.file) as running:
         flown.handle("HEARTBEAT")
         running.terminate()
@@ -145,7 +145,7 @@ def test_a_service_that_is_started_again_goes_on_after_what_was_kept(flown):
 
 
 @pytest.mark.slow
-def test_a_key_that_others_can_read_is_one_line_and_status_2(flown):
+def test_a_key_file_that_other_users_can_read_is_one_line_and_status_2(flown):
     flown.key.chmod(0o644)
     for arguments in (("--config", flown.file), ("check", "--config", flown.file, "--files")):
         with companion(*arguments) as running:
@@ -164,7 +164,7 @@ def test_a_link_of_the_command_line_stays_signed_when_the_configuration_has_it_s
 
 
 @pytest.mark.slow
-def test_the_fake_autopilot_and_the_service_talk_on_a_signed_link(flown):
+def test_the_fake_autopilot_and_the_service_exchange_packets_on_a_signed_link(flown):
     port, operator_port = free_ports(2)
     values = yaml.safe_load(flown.file.read_text())
     values["links"] = [{"url": f"udp:127.0.0.1:{port}", "signed": True}]

@@ -1,4 +1,4 @@
-"""The time stamps that outlive the process: never behind what was sent, never in the way."""
+"""Time stamps stored across restarts: never behind those sent, never too far ahead."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def keep(folder, *timestamps):
     clock.close()
 
 
-def test_what_new_senders_are_judged_by_is_kept_as_it_is_and_apart(config, tmp_path):
+def test_the_reference_for_new_senders_is_stored_separately_and_unchanged(config, tmp_path):
     clock = SigningClock(tmp_path)
     clock.keep({URL: 500 * UNITS_PER_S}, {URL: 100 * UNITS_PER_S})
     clock.close()
@@ -61,7 +61,7 @@ def test_what_new_senders_are_judged_by_is_kept_as_it_is_and_apart(config, tmp_p
     assert (link.timestamp, link.reference) == (505 * UNITS_PER_S, 100 * UNITS_PER_S)
 
 
-def test_a_file_that_lacks_it_is_used_with_the_wall_clock(config, tmp_path):
+def test_a_clock_file_without_the_reference_is_used_with_the_wall_clock(config, tmp_path):
     file = {"version": 1, "timestamps": {URL: 500 * UNITS_PER_S}}
     (tmp_path / "signing.json").write_text(json.dumps(file))
     link = start(config, wall_s=EPOCH_S + 50.0)
@@ -72,7 +72,7 @@ YEAR_S = 365 * 86400
 NOW_S = 1_800_000_000.0
 
 
-def test_a_wall_clock_that_was_far_in_the_future_once_is_not_believed_for_good(
+def test_a_wall_clock_that_was_once_far_in_the_future_is_not_used_for_ever(
     config, tmp_path, caplog
 ):
     wrong = start(config, wall_s=NOW_S + 60 * YEAR_S)
@@ -81,7 +81,7 @@ def test_a_wall_clock_that_was_far_in_the_future_once_is_not_believed_for_good(
     clock.close()
     link = start(config, wall_s=NOW_S)
     assert link.reference == timestamp_at(NOW_S)
-    assert link.timestamp > wrong.timestamp  # peers refuse what is older than what they have heard
+    assert link.timestamp > wrong.timestamp  # peers refuse older time stamps than they received
     sender = SignedPeer(timestamp=timestamp_at(NOW_S - 30.0))
     assert link.refusal(sender.ground_heartbeat()) is None
     old = SignedPeer(system_id=2, timestamp=timestamp_at(NOW_S - 90.0))
@@ -90,17 +90,17 @@ def test_a_wall_clock_that_was_far_in_the_future_once_is_not_believed_for_good(
 
 
 @pytest.mark.parametrize(
-    ("wall_s", "told"),
+    ("wall_s", "reported"),
     [(NOW_S - 2 * YEAR_S, False), (NOW_S - YEAR_S, True), (NOW_S, False)],
 )
-def test_on_a_computer_whose_clock_may_not_be_set_what_was_kept_is_believed(
-    config, tmp_path, caplog, wall_s, told
+def test_with_a_clock_that_may_not_be_set_the_stored_time_stamp_is_used(
+    config, tmp_path, caplog, wall_s, reported
 ):
     clock = SigningClock(tmp_path)
     clock.keep({URL: timestamp_at(NOW_S)}, {URL: timestamp_at(NOW_S)})
     clock.close()
     assert start(config, wall_s=wall_s).reference == timestamp_at(NOW_S)
-    assert ("where it is right delete the file, and restart" in caplog.text) is told
+    assert ("where it is right delete the file, and restart" in caplog.text) is reported
 
 
 def test_a_wall_clock_after_the_last_time_stamp_leaves_room_for_the_next(config):
@@ -117,7 +117,9 @@ def test_without_a_file_the_wall_clock_counts(config):
 
 
 @pytest.mark.parametrize("wall_s", [0.0, EPOCH_S - 1.0, EPOCH_S + 1.0])
-def test_a_computer_without_a_clock_goes_on_after_all_that_was_sent(config, tmp_path, wall_s):
+def test_a_computer_without_a_clock_continues_after_the_last_sent_time_stamp(
+    config, tmp_path, wall_s
+):
     sent = [100 * UNITS_PER_S + second * UNITS_PER_S for second in range(30)]
     for count in range(1, len(sent) + 1):
         (tmp_path / "signing.json").unlink(missing_ok=True)
@@ -135,7 +137,7 @@ def test_a_restart_is_not_a_minute_ahead_of_the_clocks_of_its_peers(config, tmp_
     assert 0.0 < ahead < 50.0
 
 
-def test_it_is_written_every_few_seconds_and_not_more_often(tmp_path, monkeypatch):
+def test_the_clock_file_is_written_every_few_seconds_and_not_more_often(tmp_path, monkeypatch):
     writes = []
     monkeypatch.setattr(
         "moar_companion.service.signing_clock.write_whole", lambda *written: writes.append(written)
@@ -156,7 +158,7 @@ def _again(clock, folder):
     return other
 
 
-def test_a_peer_far_ahead_is_kept_at_once(config, tmp_path):
+def test_the_time_stamp_of_a_peer_far_ahead_is_stored_at_once(config, tmp_path):
     keep(tmp_path, 1 * UNITS_PER_S, LATEST_TIMESTAMP)
     assert in_file(tmp_path) == LATEST_TIMESTAMP
     assert start(config, wall_s=EPOCH_S + 5.0).timestamp == LATEST_TIMESTAMP
@@ -173,15 +175,13 @@ def test_a_peer_far_ahead_is_kept_at_once(config, tmp_path):
         b'{"version": 1, "timestamps": {"a": "1"}}',
     ],
 )
-def test_a_file_that_is_none_of_ours_is_told_and_not_used(config, tmp_path, content, caplog):
+def test_an_invalid_clock_file_is_reported_and_not_used(config, tmp_path, content, caplog):
     (tmp_path / "signing.json").write_bytes(content)
     assert start(config, wall_s=EPOCH_S + 5.0).timestamp == 5 * UNITS_PER_S
     assert "no time stamps of this version, not used" in caplog.text
 
 
-def test_a_disk_that_takes_nothing_is_told_once_and_leaves_what_was_there(
-    tmp_path, monkeypatch, caplog
-):
+def test_a_disk_write_error_is_reported_once_and_the_old_file_stays(tmp_path, monkeypatch, caplog):
     keep(tmp_path, 1 * UNITS_PER_S)
 
     def fsync(_):

@@ -1,4 +1,4 @@
-"""The key of the signed links: where it may be, who may read it, what is said of a bad one."""
+"""The key of the signed links: its place, its permissions, and the errors about a bad key."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ def test_without_a_signed_link_no_key_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("mode", [0o440, 0o404, 0o640, 0o644, 0o620, 0o601])
-def test_a_file_that_is_open_to_others_is_refused(tmp_path, mode):
+def test_a_key_file_that_other_users_can_read_is_refused(tmp_path, mode):
     path = key_file(tmp_path, mode=mode)
     problem = refusal(config(tmp_path, key_file=path))
     assert problem == f"is '{path}': is open to group or others (mode {mode:04o}), must be 0400"
 
 
-def test_a_file_of_somebody_else_is_refused(tmp_path, monkeypatch):
+def test_a_key_file_of_another_user_is_refused(tmp_path, monkeypatch):
     path = key_file(tmp_path)
     owner = path.stat().st_uid
     monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
@@ -78,7 +78,7 @@ def test_a_file_of_somebody_else_is_refused(tmp_path, monkeypatch):
     assert f"belongs to user {owner}, must belong to root or user {owner + 1}" in problem
 
 
-def test_a_file_of_somebody_else_is_refused_to_root(tmp_path, monkeypatch):
+def test_a_key_file_of_another_user_is_refused_to_root(tmp_path, monkeypatch):
     path, real = key_file(tmp_path), os.fstat
 
     def fstat(descriptor):
@@ -91,7 +91,7 @@ def test_a_file_of_somebody_else_is_refused_to_root(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"", f"holds no key (0 bytes), {FORMS}"),
         (SECRET[:-1], f"holds no key (31 bytes), {FORMS}"),
@@ -103,12 +103,12 @@ def test_a_file_of_somebody_else_is_refused_to_root(tmp_path, monkeypatch):
         (b"0" * 64, "holds a key of zeros, must be random"),
     ],
 )
-def test_what_is_no_key_is_told_in_one_line_without_its_bytes(tmp_path, content, told):
+def test_an_invalid_key_is_reported_in_one_line_without_its_bytes(tmp_path, content, reported):
     path = key_file(tmp_path, content)
-    assert refusal(config(tmp_path, key_file=path)) == f"is '{path}': {told}"
+    assert refusal(config(tmp_path, key_file=path)) == f"is '{path}': {reported}"
 
 
-def test_a_file_that_is_missing_or_none_is_told(tmp_path):
+def test_a_missing_key_file_or_a_path_that_is_no_file_is_reported(tmp_path):
     missing = tmp_path / "missing"
     problem = refusal(config(tmp_path, key_file=missing))
     assert problem == f"is '{missing}': No such file or directory"
@@ -118,7 +118,7 @@ def test_a_file_that_is_missing_or_none_is_told(tmp_path):
     assert refusal(config(tmp_path, key_file=tmp_path)) == f"is '{tmp_path}': Is a directory"
 
 
-def test_a_credential_is_read_whatever_its_mode_says(tmp_path, monkeypatch):
+def test_a_credential_is_read_with_any_file_mode(tmp_path, monkeypatch):
     """systemd gives it to its user by an access list, which shows as the group's rights."""
     key_file(tmp_path, mode=0o440)
     monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
@@ -132,7 +132,7 @@ def test_without_credentials_the_file_is_read(tmp_path, monkeypatch):
     assert read_signing_key(asked).secret == SECRET
 
 
-def test_a_credential_that_is_not_passed_is_told(tmp_path, monkeypatch):
+def test_a_credential_that_is_not_passed_is_reported(tmp_path, monkeypatch):
     asked = config(tmp_path, credential="moar")
     monkeypatch.delenv("CREDENTIALS_DIRECTORY", raising=False)
     problem = refusal(asked)

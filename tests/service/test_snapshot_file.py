@@ -1,4 +1,4 @@
-"""The file of the memory: whole at any moment, never in the way."""
+"""The file of the state: complete at any moment; it never delays the service."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def written(tmp_path):
     return next_one.load(0.0)
 
 
-def test_the_next_process_finds_what_was_saved_last(file, tmp_path):
+def test_the_next_process_finds_the_last_saved_state(file, tmp_path):
     assert file.load(0.0) is None
     for memory in (IDLE, FLYING, HOLDING):
         file.save(memory, 0.0)
@@ -43,7 +43,7 @@ def test_the_next_process_finds_what_was_saved_last(file, tmp_path):
     assert [item.name for item in (tmp_path / "state").iterdir()] == ["mission.json"]
 
 
-def test_a_slow_disk_keeps_nobody_waiting_and_gets_only_the_newest(file, tmp_path, monkeypatch):
+def test_a_slow_disk_delays_no_caller_and_gets_only_the_newest_state(file, tmp_path, monkeypatch):
     disk, syncs = threading.Event(), []
 
     def fsync(descriptor):
@@ -89,7 +89,7 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
     assert written(tmp_path) == found
 
 
-def test_a_full_disk_is_said_once_and_what_is_out_of_date_is_taken_away(
+def test_a_full_disk_is_reported_once_and_the_outdated_file_is_removed(
     file, tmp_path, monkeypatch, caplog
 ):
     file._write(snapshot_file.encoded(FLYING, 0.0))
@@ -101,8 +101,8 @@ def test_a_full_disk_is_said_once_and_what_is_out_of_date_is_taken_away(
         patch.setattr(os, "fsync", full)
         for _ in range(3):
             file._write(snapshot_file.encoded(HOLDING, 0.0))
-    told = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
-    assert told == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
+    reported = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
+    assert reported == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
     assert list((tmp_path / "state").iterdir()) == []
     file._write(snapshot_file.encoded(HOLDING, 0.0))
     assert written(tmp_path) == HOLDING
@@ -145,7 +145,7 @@ def test_a_file_of_the_start_that_cannot_be_read_is_a_fault(file, tmp_path):
 
 
 @pytest.mark.parametrize("data", [b"", b"{", b"\xff\xfe", b"[]", b"x" * 1_000_000])
-def test_a_file_that_is_broken_is_said_in_one_line_and_put_aside(data, file, tmp_path, caplog):
+def test_a_broken_file_is_reported_in_one_line_and_renamed(data, file, tmp_path, caplog):
     path = tmp_path / "state" / "mission.json"
     path.write_bytes(data)
     assert file.load(0.0) is None
@@ -155,14 +155,14 @@ def test_a_file_that_is_broken_is_said_in_one_line_and_put_aside(data, file, tmp
     assert not path.exists()
 
 
-def test_a_file_that_cannot_be_read_is_said_and_left(file, tmp_path, caplog):
+def test_a_file_that_cannot_be_read_is_reported_and_stays(file, tmp_path, caplog):
     (tmp_path / "state" / "mission.json").mkdir()
     assert file.load(0.0) is None
     (record,) = caplog.records
     assert record.getMessage().endswith("mission.json: not read: Is a directory")
 
 
-def test_what_is_in_the_file_is_json_with_the_time_of_the_wall_clock(file, tmp_path):
+def test_the_file_is_json_with_the_time_of_the_wall_clock(file, tmp_path):
     file.save(FLYING, 1_000.0)
     file.close()
     data = (tmp_path / "state" / "mission.json").read_bytes()

@@ -1,4 +1,4 @@
-"""The view socket, with real sockets: who reads it cannot disturb who serves it."""
+"""The view socket, with real sockets: its readers cannot disturb the service."""
 
 import asyncio
 import contextlib
@@ -31,7 +31,7 @@ def path(tmp_path, monkeypatch):
 
 @pytest.fixture
 def taken(path):
-    """A file that is no socket, in the way."""
+    """A file that is no socket, at the path of the socket."""
     file = Path("file")
     file.write_text("kept")
     return file
@@ -75,7 +75,7 @@ def permissions(path):
 
 
 async def read_on(stream, lines):
-    """Some lines, whose last is returned: as a clock, it strikes once in a period."""
+    """Reads some lines and returns the last. One line comes in each period, as from a clock."""
     return [await line(stream) for _ in range(lines)][-1]
 
 
@@ -88,7 +88,7 @@ async def test_every_reader_gets_whole_lines_of_json(path):
 
 
 @run
-async def test_the_status_is_made_only_while_somebody_reads_and_who_leaves_is_forgotten(path):
+async def test_the_status_is_made_only_while_readers_are_connected(path):
     status, clock = Status(), Path("clock.sock")
     async with (
         open_view_socket(clock, Status()),
@@ -106,7 +106,7 @@ async def test_the_status_is_made_only_while_somebody_reads_and_who_leaves_is_fo
 
 
 @run
-async def test_what_a_client_says_is_not_read_and_harms_nobody(path):
+async def test_data_from_a_client_is_not_read_and_does_no_harm(path):
     async with (
         open_view_socket(path, Status()),
         reader(path) as (talking, writer),
@@ -129,7 +129,7 @@ async def test_a_reader_that_does_not_read_neither_delays_nor_fills_the_memory(p
                 stream._limit = 1 << 20
                 last = await read_on(stream, 200)
                 assert last["count"] >= 200
-            # Twenty megabytes were said; the kernel's buffer and one line wait.
+            # Twenty megabytes were sent. Only the kernel's buffer and one line wait.
             stuck.setblocking(False)
             waiting = 0
             with contextlib.suppress(BlockingIOError):
@@ -139,7 +139,7 @@ async def test_a_reader_that_does_not_read_neither_delays_nor_fills_the_memory(p
 
 
 @run
-async def test_more_readers_than_there_is_room_for_are_turned_away(path, monkeypatch):
+async def test_readers_beyond_the_limit_are_refused(path, monkeypatch):
     monkeypatch.setattr(status_socket, "_MOST_READERS", 1)
     async with open_view_socket(path, Status()), reader(path) as (stream, _):
         await line(stream)
@@ -190,7 +190,7 @@ async def test_the_limit_of_readers_leaves_room_for_links_and_files(path, few_de
 
 
 @run
-async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
+async def test_without_a_descriptor_readers_wait_and_one_line_is_logged(
     path, few_descriptors, caplog, monkeypatch
 ):
     attempts, five_attempts, listen = [], asyncio.Event(), status_socket._Readers._listen
@@ -225,22 +225,22 @@ async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
 
 
 @run
-async def test_members_of_the_group_may_connect_and_others_may_not(path):
+async def test_only_members_of_the_group_may_connect(path):
     async with open_view_socket(path, Status()):
         assert permissions(path) == 0o660
     assert permissions(path) is None
 
 
 @run
-async def test_the_socket_file_of_a_dead_service_is_replaced(path):
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(str(path))
+async def test_the_socket_file_of_an_ended_service_is_replaced(path):
+    with socket.socket(socket.AF_UNIX) as leftover:
+        leftover.bind(str(path))
     async with open_view_socket(path, Status()), reader(path) as (stream, _):
         await line(stream)
 
 
 @run
-async def test_the_socket_of_a_living_service_is_left_to_it(path, caplog):
+async def test_the_socket_of_a_running_service_is_not_replaced(path, caplog):
     caplog.set_level(logging.WARNING)
     async with open_view_socket(path, Status()):
         async with open_view_socket(path, Status(size=10)):
@@ -263,7 +263,7 @@ async def test_the_socket_of_a_living_service_is_left_to_it(path, caplog):
     ids=["no folder", "a file", "a folder", "too long"],
 )
 @run
-async def test_a_path_that_cannot_be_had_is_named_in_one_line(taken, name, reason):
+async def test_a_socket_path_that_cannot_be_used_is_named_in_one_line(taken, name, reason):
     place = Directory(path=taken.parent / name, source="companion.yaml", key="view.socket")
     with pytest.raises(OSError) as caught:  # noqa: PT011 - the next line looks at it
         async with open_view_socket(place.path, Status()):

@@ -28,7 +28,7 @@ class Place:
         """All that have come."""
 
     def send(self, data):
-        # Before the service listens the kernel refuses, and says so at the next call.
+        # Before the service listens, the kernel refuses the packet and reports it at the next call.
         with contextlib.suppress(ConnectionRefusedError):
             self._socket.send(data)
 
@@ -65,7 +65,7 @@ def port():
 
 
 @pytest.mark.slow
-def test_a_stranger_earns_nothing_and_three_hundred_addresses_push_nobody_out(port):
+def test_an_unknown_sender_receives_nothing_and_300_addresses_replace_no_known_peer(port):
     with (
         contextlib.ExitStack() as stack,
         companion("--connect", f"udp:127.0.0.1:{port}"),
@@ -83,7 +83,7 @@ def test_a_stranger_earns_nothing_and_three_hundred_addresses_push_nobody_out(po
             place.send(place.peer.ground_heartbeat())
         forger = Place(stack, port, Peer(1, 1))
         for _ in range(2):
-            # What comes in the same cycle as the flood may be dropped with it.
+            # A packet in the same cycle as the flood may be dropped with the flood.
             forger.send(forger.peer.heartbeat(autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA))
             autopilot.until_a_heartbeat(autopilot.peer.heartbeat)
             station.until_a_heartbeat(station.peer.ground_heartbeat)

@@ -19,7 +19,7 @@ SQUARE = ((0, 0, -10), (0, 15, -10), (0, 15, -25), (0, 0, -25), (0, 0, -10))
 
 
 class Peer:
-    """One end of one link: sends messages as (system, component), keeps all it hears."""
+    """One end of one link: sends messages as (system, component) and keeps all that it receives."""
 
     def __init__(self, vehicle, link, system, component):
         self.vehicle = vehicle
@@ -171,7 +171,7 @@ class Flight:
 
     @property
     def local_m(self):
-        """Where the autopilot says that it is."""
+        """The position that the autopilot reports, in its local frame."""
         local = self.companion.last("LOCAL_POSITION_NED")
         return local.x, local.y, local.z
 
@@ -184,7 +184,7 @@ class Flight:
 
 
 class ArduPilotFlight(Flight):
-    """The same with ArduPilot, whose start is shortened unless `boot_s` says otherwise."""
+    """A flight with ArduPilot. Its start is shortened unless `boot_s` is given."""
 
     def __init__(self, boot_s=10.0, parameters=None, **options):
         super().__init__(

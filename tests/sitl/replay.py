@@ -1,7 +1,7 @@
-"""Recordings of real autopilots, and the fake in the same situation.
+"""Recordings of real autopilots, and the fake autopilot in the same situation.
 
-What the recorded peers sent is sent to the fake at the same times of the autopilot's clock; what
-it sends back can then be compared packet by packet.
+The packets of the recorded peers are sent to the fake at the same times of the autopilot's clock.
+The packets that the fake sends back are then compared one by one.
 """
 
 import struct
@@ -82,13 +82,13 @@ def parameter(name, value):
 class Situation:
     """Recordings of one run of an autopilot, and how the fake comes into it.
 
-    Where the ground station's link was not recorded, it said what was forwarded to the companion.
+    If the ground station's link was not recorded, its packets are those forwarded to the companion.
 
-    actions   (seconds on the autopilot's clock, what is done then: a function of the vehicle and
-              the peers), beside what the recorded peers sent; these may begin earlier
-    shift_s   how long the fake has been running when the recorded clock begins
-    until_s   where the comparison ends, on the autopilot's clock
-    slack_s   for courses that this recording went through faster or slower than usual, by name
+    actions   (seconds on the autopilot's clock, a function of the vehicle and the peers), beside
+              the packets of the recorded peers; actions may begin earlier
+    shift_s   run time of the fake when the recorded clock begins
+    until_s   end of the comparison, on the autopilot's clock
+    slack_s   by name: allowance for courses that were faster or slower than usual here
     """
 
     recordings: tuple
@@ -145,7 +145,7 @@ def replay(folder, situation):
         link: [(clock(t), m, raw) for t, m, raw in rows[link] if clock(t) <= situation.until_s]
         for link in rows
     }
-    said = [
+    inputs = [
         (clock(t), link, raw)
         for link, sender_wanted in PEERS.items()
         for path in paths.get(link, paths["companion"])
@@ -154,7 +154,7 @@ def replay(folder, situation):
     ]
     since_s = min(side[0][0] for side in real.values())
     until_s = max(side[-1][0] for side in real.values())
-    fake = _fly(situation, sorted(said), until_s)
+    fake = _fly(situation, sorted(inputs), until_s)
     return Comparison(
         situation=situation,
         real=real,
@@ -166,11 +166,11 @@ def _id(raw):
     return int.from_bytes(raw[7:10], "little")
 
 
-def _fly(situation, said, until_s):
+def _fly(situation, inputs, until_s):
     vehicle = FakeAutopilot(Options(**situation.options))
     peers = {link: Peer(vehicle, link, *PEERS[link]) for link in PEERS}
     actions = sorted(situation.actions, key=lambda action: action[0])
-    first_s = said[0][0]
+    first_s = inputs[0][0]
     for tick in range(round(until_s / _TICK_S)):
         now_s = tick * _TICK_S
         if now_s < first_s and tick % 100 == 0:
@@ -178,8 +178,8 @@ def _fly(situation, said, until_s):
             peers["gcs"].heartbeat(mavlink.MAV_TYPE_GCS)
         while actions and actions[0][0] <= now_s:
             actions.pop(0)[1](vehicle, peers)
-        while said and said[0][0] <= now_s:
-            _, link, raw = said.pop(0)
+        while inputs and inputs[0][0] <= now_s:
+            _, link, raw = inputs.pop(0)
             vehicle.receive(link, raw)
         vehicle.step(now_s + _TICK_S)
         for link, data in vehicle.data_to_send():
@@ -197,7 +197,7 @@ def _fly(situation, said, until_s):
 # Comparing
 
 
-def told(rows, kind):
+def rows_of(rows, kind):
     """The rows of one kind of message."""
     return [row for row in rows if name(row[1]) == kind]
 
@@ -212,7 +212,7 @@ def counts(rows):
 def changes(values, shortest_s=0.0):
     """Return [(seconds, value)] at each change of a value, the first included.
 
-    What lasted shorter than `shortest_s` is left out.
+    Values that lasted shorter than `shortest_s` are left out.
     """
     found = []
     for t, value in values:
@@ -250,9 +250,9 @@ def sizes(rows):
 
 
 def check_counts(both, link, *, but, rel, may_stop=frozenset()):
-    """The same messages came, and as often, but those that may stop at another time.
+    """Assert the same messages at the same rates, except those that may stop at another time.
 
-    Heartbeats are counted one by one: an extra one says that the mode has changed.
+    Heartbeats are counted one by one: an extra heartbeat reports a change of mode.
     """
     real, fake = counts(both.real[link]), counts(both.fake[link])
     kinds = set(real) - but
@@ -274,7 +274,7 @@ def check_constants(both, link, *, but, of_another_model):
 def check_course(both, kind, value, *, shortest_s, slack_s):
     """A value went through the same, at about the same times."""
     real, fake = (
-        changes([(t, value(m)) for t, m, _ in told(side["companion"], kind)], shortest_s)
+        changes([(t, value(m)) for t, m, _ in rows_of(side["companion"], kind)], shortest_s)
         for side in (both.real, both.fake)
     )
     assert_same(real, fake, slack_s)
@@ -292,7 +292,7 @@ def check_sensors(both, field_name, *, but, slack_s):
     masks = [
         [
             (t, getattr(message, f"onboard_control_sensors_{field_name}"))
-            for t, message, _ in told(side["companion"], "SYS_STATUS")
+            for t, message, _ in rows_of(side["companion"], "SYS_STATUS")
         ]
         for side in (both.real, both.fake)
     ]

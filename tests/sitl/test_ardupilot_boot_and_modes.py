@@ -40,14 +40,14 @@ def test_the_start_takes_as_long_as_the_real_one(make_ardupilot):
         assert _own(flight, kind)[0][0] == pytest.approx(first_s, abs=0.2), kind
 
 
-def test_it_boots_in_the_mode_of_the_switch_and_is_in_standby_after_two_seconds(ardupilot):
+def test_ardupilot_boots_in_the_mode_of_the_switch_and_is_in_standby_after_two_seconds(ardupilot):
     ardupilot.run(5.0)
     beats = [(m.custom_mode, m.system_status) for _, m in _own(ardupilot, "HEARTBEAT")]
     assert beats[0] == (STABILIZE, 1)
     assert beats[-1] == (STABILIZE, 3)
 
 
-def test_arming_before_it_is_ready_fails_and_says_why(ardupilot):
+def test_arming_before_ardupilot_is_ready_fails_with_the_reason(ardupilot):
     ardupilot.run(3.0)
     assert ardupilot.ask(ardupilot.companion, ARM, 1) == [FAILED]
     assert "Arm: Accels inconsistent" in ardupilot.companion.texts()
@@ -65,7 +65,7 @@ def test_poor_gps_forbids_arming_in_guided(ardupilot):
     assert "Arm: High GPS HDOP" in ardupilot.companion.texts()
 
 
-def test_ten_metres_take_9_7_seconds_and_landed_state_tells_the_story(ardupilot):
+def test_a_climb_to_ten_metres_takes_9_7_seconds_and_landed_state_follows(ardupilot):
     ardupilot.ready()
     ardupilot.companion.command(511, 245, 50_000)
     ardupilot.mode(ardupilot.companion, GUIDED)
@@ -104,7 +104,7 @@ def test_take_off_needs_guided_armed_on_the_ground_and_a_positive_height(ardupil
     assert ardupilot.ask(ardupilot.companion, TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == [FAILED]
 
 
-def test_armed_on_the_ground_it_is_in_standby_and_disarms_after_ten_seconds(ardupilot):
+def test_armed_on_the_ground_ardupilot_is_in_standby_and_disarms_after_ten_seconds(ardupilot):
     ardupilot.ready()
     ardupilot.mode(ardupilot.companion, GUIDED)
     ardupilot.companion.command(ARM, 1)
@@ -114,7 +114,7 @@ def test_armed_on_the_ground_it_is_in_standby_and_disarms_after_ten_seconds(ardu
     assert ardupilot.now_s - start_s == pytest.approx(10.0, abs=0.2)
 
 
-def test_in_the_air_it_is_active_and_not_to_be_disarmed_without_force(hovering):
+def test_in_the_air_ardupilot_is_active_and_disarms_only_by_force(hovering):
     assert hovering.heartbeat().system_status == 4
     assert hovering.ask(hovering.companion, ARM, 0) == [FAILED]
     assert hovering.truth.armed
@@ -125,7 +125,7 @@ def test_in_the_air_it_is_active_and_not_to_be_disarmed_without_force(hovering):
 @pytest.mark.parametrize(
     "mode", [STABILIZE, ALT_HOLD, LOITER, RTL, LAND, POSHOLD, BRAKE, SMART_RTL]
 )
-def test_a_mode_is_had_at_once_acknowledged_and_shown_by_an_extra_heartbeat(hovering, mode):
+def test_a_mode_change_is_immediate_acknowledged_and_shown_by_an_extra_heartbeat(hovering, mode):
     start_s = hovering.now_s
     assert hovering.mode(hovering.gcs, mode) == [ACCEPTED]
     at_s, beat = _own(hovering, "HEARTBEAT", since=start_s + 1e-9)[0]
@@ -134,7 +134,7 @@ def test_a_mode_is_had_at_once_acknowledged_and_shown_by_an_extra_heartbeat(hove
     assert not hovering.companion.of("COMMAND_ACK", since=start_s + 1e-9)
 
 
-def test_modes_that_cannot_be_had_are_refused_with_a_text(hovering):
+def test_modes_that_cannot_be_entered_are_refused_with_a_text(hovering):
     assert hovering.mode(hovering.companion, 99) == [FAILED]
     assert hovering.mode(hovering.companion, AUTO) == [FAILED]
     assert hovering.ask(hovering.companion, SET_MODE, 0, GUIDED) == [DENIED]
@@ -152,7 +152,7 @@ def test_set_mode_works_too_and_is_never_acknowledged(hovering):
     assert not hovering.gcs.of("COMMAND_ACK", since=start_s + 1e-9)
 
 
-def test_loiter_stops_within_a_metre_and_stays_while_sticks_fly_it(hovering):
+def test_loiter_stops_within_a_metre_and_stays_until_the_sticks_move(hovering):
     hovering.along(0.5)
     hovering.run(6.0)
     hovering.mode(hovering.gcs, LOITER)
@@ -222,7 +222,7 @@ def test_unknown_commands_are_unsupported(ardupilot):
     assert ardupilot.ask(ardupilot.gcs, 31010, 1) == [UNSUPPORTED]
 
 
-def test_parameters_are_numbers_answered_without_an_index_and_sets_are_told_to_all(ardupilot):
+def test_parameters_are_numbers_answered_without_an_index_and_sets_are_sent_on_all_links(ardupilot):
     ardupilot.run(2.0)
     read = mavlink.MAVLink_param_request_read_message(1, 1, b"GUID_TIMEOUT", -1)
     ardupilot.companion.send(read)
@@ -273,7 +273,7 @@ def test_the_same_seed_and_input_give_the_same_bytes(make_ardupilot):
     assert bytes_of_a_flight() != bytes_of_a_flight(seed=2)
 
 
-def test_origin_and_home_are_told_unasked_on_all_links_when_they_are_set_and_at_arming(ardupilot):
+def test_origin_and_home_are_sent_on_all_links_when_they_are_set_and_at_arming(ardupilot):
     ardupilot.ready()
     ardupilot.mode(ardupilot.companion, GUIDED)
     for expected in (1, 2):
@@ -283,13 +283,13 @@ def test_origin_and_home_are_told_unasked_on_all_links_when_they_are_set_and_at_
         ardupilot.ask(ardupilot.gcs, ARM, 1)
 
 
-def test_while_it_boots_every_heartbeat_comes_twice(ardupilot):
+def test_during_boot_every_heartbeat_is_sent_twice(ardupilot):
     ardupilot.run(6.0)
     statuses = [m.system_status for _, m in _own(ardupilot, "HEARTBEAT")]
     assert statuses == [1, 1, 1, 1, 3, 3, 3]
 
 
-def test_the_estimators_flags_say_when_it_is_not_initialised_and_not_aligned(ardupilot):
+def test_the_estimators_flags_show_missing_initialisation_and_alignment(ardupilot):
     manner = ardupilot.vehicle.manner
     seen = [
         flags for flags, _ in itertools.groupby(ardupilot.watch(8.0, lambda _: manner.ekf_flags))
@@ -312,7 +312,7 @@ def test_the_throttle_stick_is_down_until_the_pilot_moves_it(ardupilot):
     assert ardupilot.companion.last("RC_CHANNELS").chan3_raw == 1000
 
 
-def test_a_landing_is_still_told_for_a_moment_after_guided_has_ended_it(make_ardupilot):
+def test_a_landing_is_still_reported_for_a_moment_after_guided_has_ended_it(make_ardupilot):
     flight = make_ardupilot()
     flight.take_off()
     assert flight.ask(flight.companion, 511, 245, 10_000) == [ACCEPTED]
@@ -322,11 +322,11 @@ def test_a_landing_is_still_told_for_a_moment_after_guided_has_ended_it(make_ard
     assert flight.run(0.2, until=lambda f: f.truth.mode == "GUIDED")
     ended_s = flight.now_s
     flight.run(0.5)
-    told = [
+    landed_states = [
         (t, m.landed_state) for t, m in _own(flight, "EXTENDED_SYS_STATE", since=ended_s - 0.01)
     ]
-    assert 0.04 <= max(t for t, state in told if state == LANDING) - ended_s <= 0.11
-    assert told[-1][1] == AIR
+    assert 0.04 <= max(t for t, state in landed_states if state == LANDING) - ended_s <= 0.11
+    assert landed_states[-1][1] == AIR
 
 
 def test_heartbeats_come_as_often_as_they_are_asked_for(make_ardupilot):

@@ -67,7 +67,7 @@ def _until_mode(flight, mode, seconds):
         ("estimator: land from any mode", on_estimator(3, Mode.STABILIZE), Mode.LAND),
     ],
 )
-def test_what_a_failsafe_does(title, chosen, mode):
+def test_each_failsafe_chooses_its_mode(title, chosen, mode):
     assert chosen is mode, title
 
 
@@ -86,7 +86,7 @@ def test_a_low_battery_returns_5_2_seconds_after_the_threshold(make_ardupilot):
     assert flight.vehicle.manner.battery_charge_state == 2
 
 
-def test_a_critical_battery_lands_and_guided_can_be_had_again_all_the_same(make_ardupilot):
+def test_a_critical_battery_lands_and_guided_can_be_entered_again(make_ardupilot):
     flight = _hovering(make_ardupilot, **BATTERY)
     _drop_to(flight, 10.4)
     _until_mode(flight, "RTL", 8.0)
@@ -99,7 +99,7 @@ def test_a_critical_battery_lands_and_guided_can_be_had_again_all_the_same(make_
     assert flight.heartbeat().system_status == 5
 
 
-def test_a_failsafes_landing_waits_four_seconds_before_it_sinks(make_ardupilot):
+def test_a_failsafes_landing_waits_four_seconds_before_the_descent(make_ardupilot):
     flight = _hovering(make_ardupilot, **BATTERY | {"BATT_LOW_TIMER": 1})
     _drop_to(flight, 10.0)
     _until_mode(flight, "LAND", 4.0)
@@ -110,7 +110,7 @@ def test_a_failsafes_landing_waits_four_seconds_before_it_sinks(make_ardupilot):
     assert -flight.truth.position_ned_m[2] < height_m - 1.0
 
 
-def test_a_dip_shorter_than_the_timer_is_forgiven_but_a_failsafe_stays_until_it_is_reset(
+def test_a_dip_shorter_than_the_timer_is_ignored_but_a_failsafe_stays_until_its_reset(
     make_ardupilot,
 ):
     flight = _hovering(make_ardupilot, **BATTERY)
@@ -141,7 +141,7 @@ def test_a_dip_shorter_than_the_timer_is_forgiven_but_a_failsafe_stays_until_it_
     assert flight.ask(flight.gcs, 400, 1) == [ACCEPTED]
 
 
-def test_by_default_a_low_battery_is_said_and_nothing_is_done(hovering):
+def test_by_default_a_low_battery_is_reported_without_an_action(hovering):
     _drop_to(hovering, 10.4)
     hovering.run(12.0)
     assert hovering.truth.mode == "GUIDED"
@@ -151,7 +151,7 @@ def test_by_default_a_low_battery_is_said_and_nothing_is_done(hovering):
     assert hovering.vehicle.manner.battery_charge_state == 2
 
 
-def test_what_remains_is_counted_whatever_the_voltage_says(hovering):
+def test_the_remaining_charge_is_counted_and_does_not_depend_on_the_voltage(hovering):
     _drop_to(hovering, 10.0)
     hovering.run(2.0)
     used_mah = hovering.vehicle.manner.battery_consumed_mah
@@ -167,7 +167,7 @@ def _remaining(flight):
     return flight.companion.last("BATTERY_STATUS").battery_remaining
 
 
-def test_a_charge_that_is_replaced_is_known_to_the_monitor(hovering):
+def test_a_replaced_charge_is_measured_by_the_monitor(hovering):
     hovering.vehicle.conditions.battery_percent = 40.0
     hovering.run(0.2)
     assert _remaining(hovering) == pytest.approx(39, abs=1)
@@ -199,7 +199,7 @@ def test_without_a_monitor_nothing_is_judged_nor_sent(make_ardupilot):
 
 
 @pytest.mark.parametrize("gps_mode", [GPS_NO_FIX, GPS_SILENT])
-def test_without_gps_nothing_happens_for_eight_seconds_then_it_lands(hovering, gps_mode):
+def test_without_gps_ardupilot_lands_after_eight_seconds(hovering, gps_mode):
     manner = hovering.vehicle.manner
     hovering.vehicle.conditions.gps_mode = gps_mode
     start_s = hovering.now_s
@@ -228,7 +228,7 @@ def test_with_drag_fusion_dead_reckoning_acts_before_the_estimator_does(make_ard
     assert flight.now_s - began_s == pytest.approx(5.0, abs=0.2)
 
 
-def test_fifteen_seconds_without_gps_the_position_is_given_up_and_stands_still(hovering):
+def test_after_fifteen_seconds_without_gps_the_position_is_lost_and_frozen(hovering):
     manner = hovering.vehicle.manner
     hovering.vehicle.conditions.gps_mode = GPS_NO_FIX
     start_s = hovering.now_s
@@ -253,7 +253,7 @@ def test_when_gps_is_back_the_failsafe_clears_and_guided_works_again(hovering):
     assert hovering.mode(hovering.companion, GUIDED) == [ACCEPTED]
 
 
-def test_four_satellites_and_a_bad_dilution_are_nothing_to_the_autopilot(hovering):
+def test_four_satellites_and_a_bad_dilution_cause_no_failsafe(hovering):
     hovering.vehicle.conditions.satellites = 4
     hovering.vehicle.conditions.hdop = 20.0
     hovering.run(10.0)
@@ -261,7 +261,7 @@ def test_four_satellites_and_a_bad_dilution_are_nothing_to_the_autopilot(hoverin
     assert hovering.vehicle.manner.ekf_flags == 0x33F
 
 
-def test_jamming_lands_after_six_seconds_and_the_position_runs_away(hovering):
+def test_jamming_causes_a_landing_after_six_seconds_and_the_position_drifts(hovering):
     hovering.vehicle.conditions.gps_mode = GPS_JAMMED
     assert _until_mode(hovering, "LAND", 8.0) == pytest.approx(6.0, abs=0.3)
     hovering.run(18.0)
@@ -275,7 +275,7 @@ def test_jamming_lands_after_six_seconds_and_the_position_runs_away(hovering):
 # Ground station and remote control
 
 
-def test_by_default_a_silent_ground_station_is_nothing(hovering):
+def test_by_default_a_silent_ground_station_causes_no_failsafe(hovering):
     hovering.ground_station_alive = False
     hovering.run(12.0)
     assert hovering.truth.mode == "GUIDED"
@@ -297,7 +297,7 @@ def test_the_ground_stations_failsafe_is_not_fooled_by_the_companions_heartbeats
     assert flight.heartbeat().system_status == 4
 
 
-def test_a_companion_that_says_it_is_a_ground_station_defeats_the_failsafe_only_by_its_id(
+def test_a_companion_of_type_gcs_defeats_the_failsafe_only_by_its_id(
     make_ardupilot,
 ):
     flight = _hovering(make_ardupilot, FS_GCS_ENABLE=5)
@@ -320,7 +320,7 @@ def test_a_lost_remote_control_returns_after_a_second_and_clears_by_itself(hover
     assert hovering.truth.mode == "GUIDED"
 
 
-def test_sim_rc_fail_does_it_from_the_ground_station(hovering):
+def test_sim_rc_fail_from_the_ground_station_stops_the_remote_control(hovering):
     hovering.gcs.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 1.0, 9))
     _until_mode(hovering, "RTL", 3.0)
     hovering.gcs.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 0.0, 9))
@@ -340,7 +340,7 @@ def test_a_lost_remote_control_forbids_arming(ardupilot):
 
 
 @pytest.mark.parametrize(("wind_mps", "tilt_deg"), [(0.0, 0.3), (4.9, 11.6), (6.0, 15.3)])
-def test_it_leans_against_the_wind_as_the_real_one_does(hovering, wind_mps, tilt_deg):
+def test_ardupilot_leans_against_the_wind_as_the_real_one_does(hovering, wind_mps, tilt_deg):
     hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
     hovering.vehicle.conditions.wind_mps = wind_mps
     hovering.run(15.0)
@@ -349,7 +349,7 @@ def test_it_leans_against_the_wind_as_the_real_one_does(hovering, wind_mps, tilt
     assert math.dist(hovering.local_m, (0.0, 0.0, -10.0)) < 0.3
 
 
-def test_in_4_9_metres_a_second_across_it_strays_seven_centimetres(hovering):
+def test_in_a_crosswind_of_4_9_metres_a_second_ardupilot_strays_seven_centimetres(hovering):
     hovering.vehicle.conditions.wind_mps = 4.9
     hovering.vehicle.conditions.wind_from_deg = 270.0
     hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
@@ -363,7 +363,7 @@ def test_in_4_9_metres_a_second_across_it_strays_seven_centimetres(hovering):
     assert max(errors) == pytest.approx(0.41, abs=0.04)
 
 
-def test_at_12_metres_a_second_it_is_blown_away_leaning_as_far_as_it_may(hovering):
+def test_at_12_metres_a_second_ardupilot_is_blown_away_at_its_tilt_limit(hovering):
     hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
     hovering.vehicle.conditions.wind_mps = 12.0
     start_s = hovering.now_s
@@ -375,13 +375,13 @@ def test_at_12_metres_a_second_it_is_blown_away_leaning_as_far_as_it_may(hoverin
     assert not hovering.companion.texts(since=start_s + 1e-9)
 
 
-def test_without_drag_fusion_the_wind_is_unknown_however_it_blows(hovering):
+def test_without_drag_fusion_any_wind_is_unknown(hovering):
     hovering.vehicle.conditions.wind_mps = 6.0
     hovering.run(20.0)
     assert hovering.vehicle.manner.wind_from is None
 
 
-def test_with_drag_fusion_the_wind_is_known_after_twenty_seconds(make_ardupilot):
+def test_with_drag_fusion_the_wind_is_estimated_after_twenty_seconds(make_ardupilot):
     flight = _hovering(make_ardupilot, **DRAG)
     flight.vehicle.conditions.wind_mps = 6.0
     flight.vehicle.conditions.wind_from_deg = 270.0
@@ -403,7 +403,7 @@ def test_with_the_tilt_at_its_limit_the_wind_estimate_comes_late(make_ardupilot)
     assert flight.vehicle.manner.wind_from[0] == pytest.approx(12.0, abs=1.0)
 
 
-def test_in_dead_calm_a_wind_that_is_estimated_is_not_said_to_be_unknown(make_ardupilot):
+def test_in_calm_an_estimated_wind_is_not_reported_as_unknown(make_ardupilot):
     flight = _hovering(make_ardupilot, **DRAG)
     flight.run(15.0)
     speed_mps, from_deg = flight.vehicle.manner.wind_from
@@ -420,13 +420,15 @@ NOTICE = 5
 @pytest.mark.parametrize(
     ("action", "mode"), [(1, "RTL"), (2, "LAND"), (3, "SMART_RTL"), (4, "BRAKE")]
 )
-def test_a_breach_acts_is_told_and_leaves_the_status_alone(make_ardupilot, action, mode):
+def test_a_breach_causes_the_action_and_a_text_and_leaves_the_status_unchanged(
+    make_ardupilot, action, mode
+):
     flight = _hovering(make_ardupilot, **FENCE, FENCE_ACTION=action)
     flight.vehicle.set_parameter("FENCE_ALT_MAX", 8.0)
     assert _until_mode(flight, mode, 1.0) < 0.4
     assert flight.heartbeat().system_status == 4
-    told = [(m.severity, m.text) for m in flight.gcs.of("STATUSTEXT")]
-    assert told.count((NOTICE, "Max Alt fence breached")) == 1
+    reported = [(m.severity, m.text) for m in flight.gcs.of("STATUSTEXT")]
+    assert reported.count((NOTICE, "Max Alt fence breached")) == 1
     assert flight.mode(flight.companion, GUIDED) == [ACCEPTED]
     flight.run(2.0)
     assert flight.truth.mode == "GUIDED"
@@ -435,7 +437,7 @@ def test_a_breach_acts_is_told_and_leaves_the_status_alone(make_ardupilot, actio
     assert flight.gcs.texts()[-1] == "Fence breach cleared"
 
 
-def test_a_breach_may_be_told_only_and_shows_in_the_sensors_health(make_ardupilot):
+def test_a_breach_without_an_action_is_reported_and_shows_in_the_sensors_health(make_ardupilot):
     flight = _hovering(make_ardupilot, **FENCE, FENCE_ACTION=0)
     flight.vehicle.set_parameter("FENCE_ALT_MAX", 8.0)
     flight.run(1.0)
@@ -448,7 +450,7 @@ def test_a_breach_may_be_told_only_and_shows_in_the_sensors_health(make_ardupilo
     assert not status.onboard_control_sensors_health & 0x100000
 
 
-def test_a_disabled_fence_and_an_unchosen_one_are_nothing(make_ardupilot):
+def test_a_disabled_fence_and_a_deselected_one_have_no_effect(make_ardupilot):
     flight = _hovering(make_ardupilot, FENCE_ENABLE=0, FENCE_ALT_MAX=8.0)
     assert flight.truth.mode == "GUIDED"
     flight.vehicle.set_parameter("FENCE_TYPE", 2)
@@ -457,16 +459,16 @@ def test_a_disabled_fence_and_an_unchosen_one_are_nothing(make_ardupilot):
     assert flight.truth.mode == "GUIDED"
 
 
-def test_the_circle_is_told_again_twenty_metres_farther_out_and_lands_a_hundred_beyond():
+def test_the_circle_is_reported_again_after_20_metres_and_lands_after_100_metres():
     fence = Fence(parameters(FENCE | {"FENCE_RADIUS": 30.0}))
     news = {m: fence.step(1.0, 5.0, float(m)) for m in (29, 30, 40, 49, 50, 60, 131)}
-    modes = {at_m: told.mode for at_m, told in news.items() if told is not None}
+    modes = {at_m: reported.mode for at_m, reported in news.items() if reported is not None}
     assert modes == {30: Mode.RTL, 50: Mode.RTL, 131: Mode.LAND}
     assert news[30].text == "Circle fence breached"
     assert fence.step(1.0, 200.0, 180.0).text == "Max Alt and Circle fences breached"
 
 
-def test_targets_outside_the_fence_are_not_taken(make_ardupilot):
+def test_targets_outside_the_fence_are_rejected(make_ardupilot):
     flight = _hovering(make_ardupilot, **FENCE, FENCE_RADIUS=30.0)
     flight.hold_at(x=40.0)
     flight.run(6.0)

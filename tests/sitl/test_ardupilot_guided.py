@@ -22,7 +22,7 @@ def test_a_moving_point_is_followed_within_seven_centimetres_on_average(hovering
 @pytest.mark.parametrize(
     ("rate_hz", "mean_m", "largest_m"), [(5, 0.08, 0.63), (2, 0.09, 0.86), (1, 0.11, 1.13)]
 )
-def test_with_fewer_setpoints_a_second_it_strays_farther_in_the_corners(
+def test_with_fewer_setpoints_a_second_ardupilot_strays_farther_in_the_corners(
     hovering, rate_hz, mean_m, largest_m
 ):
     errors = fly_square(hovering, rate_hz, mask=POSITION_VELOCITY)
@@ -31,7 +31,7 @@ def test_with_fewer_setpoints_a_second_it_strays_farther_in_the_corners(
 
 
 @pytest.mark.parametrize("mask", [0xDC0, 0xC00, 0x9C0, 0x5C0, 0x000, 0xFC0])
-def test_these_masks_are_position_and_velocity(hovering, mask):
+def test_a_setpoint_with_these_masks_is_flown_as_position_and_velocity(hovering, mask):
     hovering.stream = lambda f: f.companion.setpoint(2.0, 0.0, -10.0, v=(0.5, 0, 0), mask=mask)
     hovering.run(12.0)
     target = hovering.vehicle.manner.guided_target
@@ -40,7 +40,7 @@ def test_these_masks_are_position_and_velocity(hovering, mask):
     assert hovering.local_m[0] == pytest.approx(2.5, abs=0.2)
 
 
-def test_a_constant_position_with_a_velocity_settles_one_second_beyond_it(hovering):
+def test_a_constant_position_with_a_velocity_settles_one_second_beyond_the_position(hovering):
     hovering.stream = lambda f: f.companion.setpoint(5.0, 0.0, -10.0, v=(0.8, 0.0, 0.0))
     hovering.run(20.0)
     assert hovering.local_m[0] - 5.0 == pytest.approx(0.8, abs=0.2)
@@ -72,7 +72,7 @@ def test_velocity_only_and_position_only(hovering):
         ("NaN velocity", {"v": (NAN, 0.0, 0.0)}),
     ],
 )
-def test_what_it_cannot_fly_stops_the_vehicle(hovering, title, options):
+def test_a_setpoint_that_cannot_be_flown_stops_the_vehicle(hovering, title, options):
     hovering.along(0.7)
     hovering.run(5.0)
     hovering.stream = lambda f: f.companion.setpoint(50.0, **options)
@@ -93,7 +93,7 @@ def test_a_force_bit_with_acceleration_is_ignored(hovering):
 
 
 @pytest.mark.parametrize(("frame", "turned"), [(7, False), (8, True), (9, True)])
-def test_relative_frames_are_applied_anew_with_every_packet(hovering, frame, turned):
+def test_relative_frames_are_applied_again_with_every_packet(hovering, frame, turned):
     hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0, yaw=math.pi / 2)
     hovering.run(4.0)
     hovering.stream = lambda f: f.companion.setpoint(1.0, 0.0, 0.0, mask=0xDC0, frame=frame)
@@ -114,7 +114,7 @@ def test_body_velocities_are_turned_by_the_heading(hovering):
     assert hovering.vehicle.manner.guided_target.velocity_ned_mps[1] == pytest.approx(0.7, abs=0.05)
 
 
-def test_nan_in_a_position_kills_the_autopilot_for_good(hovering):
+def test_nan_in_a_position_stops_the_autopilot_permanently(hovering):
     hovering.companion.setpoint(NAN, 0.0, -10.0)
     start_s = hovering.now_s
     hovering.run(6.0)
@@ -128,7 +128,7 @@ def test_nan_in_a_position_kills_the_autopilot_for_good(hovering):
     assert hovering.truth.mode == "STABILIZE"
 
 
-def test_nan_where_it_is_ignored_does_no_harm(hovering):
+def test_nan_in_an_ignored_field_has_no_effect(hovering):
     hovering.stream = lambda f: f.companion.setpoint(
         2.0, 0.0, -10.0, yaw=NAN, yaw_rate=NAN, mask=POSITION_VELOCITY
     )
@@ -140,7 +140,7 @@ def test_nan_where_it_is_ignored_does_no_harm(hovering):
     ("system", "component", "obeyed"),
     [(0, 0, True), (1, 0, True), (1, 195, True), (1, 77, True), (2, 1, False)],
 )
-def test_who_is_addressed(hovering, system, component, obeyed):
+def test_only_setpoints_to_the_autopilot_are_obeyed(hovering, system, component, obeyed):
     hovering.stream = lambda f: f.companion.setpoint(
         3.0, 0.0, -10.0, system=system, component=component
     )
@@ -148,7 +148,7 @@ def test_who_is_addressed(hovering, system, component, obeyed):
     assert (hovering.local_m[0] > 2.0) is obeyed
 
 
-def test_setpoints_are_never_acknowledged_nor_commented(hovering):
+def test_setpoints_cause_no_acknowledgement_and_no_text(hovering):
     start_s = hovering.now_s
     hovering.along(0.5)
     hovering.run(3.0)
@@ -185,13 +185,13 @@ def test_velocity_without_position_stops_after_the_timeout_too(hovering):
     assert abs(hovering.truth.velocity_ned_mps[0]) < 0.15
 
 
-def test_position_only_never_times_out(hovering):
+def test_a_position_only_setpoint_never_times_out(hovering):
     hovering.companion.setpoint(40.0, 0.0, -10.0, mask=POSITION_ONLY)
     hovering.run(25.0)
     assert hovering.local_m[0] == pytest.approx(40.0, abs=0.5)
 
 
-def test_a_last_setpoint_without_velocity_holds_where_it_is(hovering):
+def test_a_last_setpoint_without_velocity_holds_its_position(hovering):
     hovering.along(0.7)
     hovering.run(6.0)
     hovering.stream = None
@@ -201,7 +201,7 @@ def test_a_last_setpoint_without_velocity_holds_where_it_is(hovering):
     assert hovering.local_m[0] == pytest.approx(x_m, abs=0.2)
 
 
-def test_setpoints_before_lift_off_cancel_the_take_off_without_a_word(ardupilot):
+def test_setpoints_before_lift_off_cancel_the_take_off_without_a_text(ardupilot):
     ardupilot.launch()
     start_s = ardupilot.now_s
     ardupilot.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
@@ -211,7 +211,7 @@ def test_setpoints_before_lift_off_cancel_the_take_off_without_a_word(ardupilot)
     assert ardupilot.companion.texts(since=start_s + 0.1) == ["Disarming motors"]
 
 
-def test_setpoints_lift_nothing_from_the_ground(ardupilot):
+def test_setpoints_do_not_lift_the_vehicle_from_the_ground(ardupilot):
     ardupilot.ready()
     ardupilot.mode(ardupilot.companion, GUIDED)
     ardupilot.ask(ardupilot.companion, 400, 1)
@@ -334,7 +334,7 @@ def test_the_companion_can_take_guided_back_from_the_pilot_at_any_time(hovering,
     assert hovering.truth.mode == "GUIDED"
 
 
-def test_coming_back_to_guided_with_a_stream_far_ahead_is_a_lunge(hovering):
+def test_return_to_guided_with_a_stream_far_ahead_causes_a_fast_jump(hovering):
     hovering.along(0.5)
     hovering.run(6.0)
     hovering.mode(hovering.gcs, LOITER)
@@ -344,7 +344,7 @@ def test_coming_back_to_guided_with_a_stream_far_ahead_is_a_lunge(hovering):
     assert max(speeds) == pytest.approx(2.4, abs=0.1)
 
 
-def test_a_silent_companion_changes_nothing(hovering):
+def test_a_silent_companion_causes_no_reaction(hovering):
     hovering.companion_alive = False
     hovering.run(15.0)
     assert hovering.truth.mode == "GUIDED"

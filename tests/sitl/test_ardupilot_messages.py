@@ -1,4 +1,4 @@
-"""ArduPilot's streams, messages and texts: what is asked for is sent, what is unknown says so."""
+"""ArduPilot's streams, messages and texts: requested messages are sent, unknown values marked."""
 
 import math
 from dataclasses import dataclass, replace
@@ -91,7 +91,7 @@ def bench():
     return Bench().run(15.0)
 
 
-# What is sent
+# Messages that are sent
 
 
 def _names(schedule, since_us, until_us):
@@ -165,7 +165,7 @@ def test_every_message_that_is_streamed_can_be_built_or_has_no_data(bench):
         assert (bench.message(name) is None) == (name in known), name
 
 
-# What is unknown says so
+# Unknown values are marked
 
 
 def test_there_is_no_local_position_and_no_wind_before_the_estimator_uses_gps(bench):
@@ -181,14 +181,14 @@ def test_an_unknown_wind_is_speed_0_from_minus_180(bench):
 
 
 @pytest.mark.parametrize(("from_deg", "shown"), [(90.0, 90.0), (269.0, -91.0), (350.0, -10.0)])
-def test_the_wind_is_where_it_comes_from_within_180_degrees(bench, from_deg, shown):
+def test_the_wind_direction_is_that_of_its_origin_within_180_degrees(bench, from_deg, shown):
     bench.state.set(wind_from=(4.9, from_deg))
     wind = bench.message("WIND")
     assert wind.speed == pytest.approx(4.9)
     assert wind.direction == pytest.approx(shown)
 
 
-def test_airspeed_is_the_speed_through_the_air_that_is_known(bench):
+def test_airspeed_is_the_speed_relative_to_the_estimated_wind(bench):
     assert bench.message("VFR_HUD").airspeed < 0.5
     bench.state.set(wind_from=(6.0, 123.0))
     assert bench.message("VFR_HUD").airspeed == pytest.approx(6.0, abs=0.5)
@@ -216,7 +216,7 @@ def test_without_a_monitor_there_is_no_battery():
     assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (0, -1, -1)
 
 
-def test_the_battery_tells_what_was_used(bench):
+def test_the_battery_reports_the_consumed_charge(bench):
     bench.state.set(battery_consumed_mah=1000.0, battery_consumed_wh=12.0)
     battery = bench.message("BATTERY_STATUS")
     assert battery.battery_remaining == 69  # of 3300 mAh, cut off
@@ -241,7 +241,7 @@ def test_the_receiver_is_found_after_ten_seconds():
     assert (gps.fix_type, gps.eph, gps.epv, gps.h_acc) == (6, 121, 200, 300)
 
 
-def test_worse_conditions_are_shown(bench):
+def test_worse_gps_conditions_are_shown(bench):
     bench.world.conditions.hdop, bench.world.conditions.satellites = 2.5, 5
     gps = bench.run(0.5).message("GPS_RAW_INT")
     assert (gps.fix_type, gps.eph, gps.satellites_visible) == (6, 250, 5)
@@ -356,7 +356,7 @@ def test_the_navigation_errors_are_those_to_the_target(bench):
     assert shown.xtrack_error == pytest.approx(4.0)
 
 
-def test_rtl_shows_where_it_flies_to(bench):
+def test_rtl_shows_its_target(bench):
     bench.state.set(custom_mode=Mode.RTL.number, return_place=ORIGIN)
     shown = bench.message("POSITION_TARGET_GLOBAL_INT")
     assert (shown.lat_int, shown.type_mask) == (473977420, 0xFDF8)
@@ -380,14 +380,14 @@ def test_the_texts_of_a_start_come_in_their_time_and_once():
     world = World(WorldOptions())
     link = Link(LinkOptions(name="companion"))
     sender = TextSender(world, Router([link]), 0)
-    said = []
+    sent_texts = []
     for _ in range(1200):
         world.tick(armed=False)
         sender.step()
-        said += [(world.now_s, m.text) for packet in link.out for m in _decoded(packet)]
+        sent_texts += [(world.now_s, m.text) for packet in link.out for m in _decoded(packet)]
         link.out.clear()
-    assert (2.45, "ArduPilot Ready") in said
-    assert len(said) == len(set(said)) == 14
+    assert (2.45, "ArduPilot Ready") in sent_texts
+    assert len(sent_texts) == len(set(sent_texts)) == 14
 
 
 def _decoded(packet):

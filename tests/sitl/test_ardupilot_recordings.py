@@ -1,8 +1,8 @@
 """Comparison with recordings of ArduCopter 4.6.3, field by field.
 
-What the recorded peers sent is sent to the fake at the same times after its start; what it sends
-back has to be what was recorded: the messages, their rates and sizes, every field that never
-changed, and what modes, flags and sensors went through.
+The packets of the recorded peers are sent to the fake at the same times after its start. Its
+packets have to equal the recorded ones: messages, rates and sizes, every constant field, and the
+courses of modes, flags and sensors.
 """
 
 import re
@@ -245,7 +245,7 @@ def test_packets_are_cut_and_sized_as_ardupilots(both):
 
 
 @pytest.mark.parametrize("course", COURSES)
-def test_modes_and_flags_go_through_what_ardupilots_do(both, course):
+def test_modes_and_flags_change_as_those_of_ardupilot(both, course):
     kind, value, shortest_s, slack_s = COURSES[course]
     check_course(both, kind, value, shortest_s=shortest_s, slack_s=both.slack_s(course, slack_s))
 
@@ -259,12 +259,12 @@ def test_commands_are_answered_as_by_ardupilot(both):
 
 
 @pytest.mark.parametrize("field", ["present", "enabled", "health"])
-def test_the_sensors_bits_go_through_what_ardupilots_do(both, field):
+def test_the_sensors_bits_change_as_those_of_ardupilot(both, field):
     check_sensors(both, field, but=LOGGING, slack_s=both.slack_s(field, SENSORS_SLACK_S))
 
 
 def _texts(rows):
-    """Texts with their severity, without the simulator's words and the figures."""
+    """Texts with their severity, without those of the simulator and without numbers."""
     return sorted(
         (m.severity, re.sub(r"[0-9.]+V used .*", "", m.text))
         for _, m, _ in rows
@@ -272,7 +272,7 @@ def _texts(rows):
     )
 
 
-def test_everything_is_told_in_ardupilots_words(both):
+def test_all_texts_are_those_of_ardupilot(both):
     for link in PEERS:
         assert _texts(both.fake[link]) == _texts(both.real[link]), link
 
@@ -280,7 +280,7 @@ def test_everything_is_told_in_ardupilots_words(both):
 @pytest.mark.parametrize(
     ("title", "start_s"), in_one_process([("start, square and landing", 0.0), ("reboot", 16.2)])
 )
-def test_a_start_is_told_in_ardupilots_words(title, start_s):
+def test_the_texts_of_a_start_are_those_of_ardupilot(title, start_s):
     real, fake = (
         [
             (t, m.text)

@@ -14,7 +14,7 @@ def both(ardupilot):
 
 
 def _received(flight, peer, kind, send):
-    """Return what of a kind a peer heard within 0.1 s of sending."""
+    """Return the messages of a kind that a peer received within 0.1 s of sending."""
     start_s = flight.now_s
     send()
     flight.run(0.1)
@@ -28,7 +28,7 @@ def test_heartbeats_go_both_ways(both):
     assert ids == {(1, 1), (1, 195)}
 
 
-def test_a_heartbeat_reaches_a_link_on_which_nobody_was_heard(make_ardupilot):
+def test_a_heartbeat_reaches_a_link_on_which_no_system_was_received(make_ardupilot):
     flight = make_ardupilot()
     flight.companion_alive = False
     flight.run(4.0)
@@ -47,7 +47,7 @@ def test_a_heartbeat_reaches_a_link_on_which_nobody_was_heard(make_ardupilot):
         ("MISSION_REQUEST_LIST", mavlink.MAVLink_mission_request_list_message(1, 195)),
     ],
 )  # fmt: skip
-def test_what_is_for_the_companion_reaches_it_alone(both, kind, message):
+def test_a_command_for_the_companion_reaches_only_the_companion(both, kind, message):
     start_s = both.now_s
     assert len(_received(both, both.companion, kind, lambda: both.gcs.send(message))) == 1
     both.run(0.5)
@@ -72,14 +72,16 @@ def test_a_command_for_the_autopilot_goes_nowhere_else(both):
     assert not _received(both, both.companion, "COMMAND_LONG", lambda: both.gcs.command(USER_1, 1))
 
 
-def test_what_is_for_a_component_never_seen_the_autopilot_does_itself(both):
+def test_the_autopilot_executes_a_command_for_an_unseen_component(both):
     assert both.ask(both.gcs, SET_MODE, 1, 4, component=191) == [ACCEPTED]
     assert both.truth.mode == "GUIDED"
     assert both.ask(both.gcs, ARM, 1, component=191) == [ACCEPTED]
     assert both.truth.armed
 
 
-def test_once_the_companion_was_heard_its_commands_are_no_longer_the_autopilots(make_ardupilot):
+def test_after_its_first_packet_the_companions_commands_are_no_longer_the_autopilots(
+    make_ardupilot,
+):
     flight = make_ardupilot()
     flight.companion_alive = False
     flight.ready()
@@ -98,7 +100,9 @@ def test_another_systems_commands_are_not_the_autopilots(both):
 @pytest.mark.parametrize(
     ("system", "component", "delivered"), [(255, 190, 1), (0, 0, 1), (254, 190, 0)]
 )
-def test_an_answer_is_delivered_to_whoever_was_heard(both, system, component, delivered):
+def test_an_answer_is_delivered_only_to_systems_that_were_received(
+    both, system, component, delivered
+):
     ack = mavlink.MAVLink_command_ack_message(USER_1, 0, 0, 0, system, component)
     received = _received(both, both.gcs, "COMMAND_ACK", lambda: both.companion.send(ack))
     assert len(received) == delivered
@@ -113,7 +117,7 @@ def test_an_answer_is_delivered_to_whoever_was_heard(both, system, component, de
         mavlink.MAVLink_param_value_message(b"X", 1.0, 9, 1, 0),
     ],
 )
-def test_what_the_companion_says_to_everyone_reaches_the_ground_station(both, message):
+def test_a_broadcast_of_the_companion_reaches_the_ground_station(both, message):
     kind = message.get_type()
     received = _received(both, both.gcs, kind, lambda: both.companion.send(message))
     assert [m.get_srcComponent() for m in received] == [195]
@@ -131,7 +135,7 @@ def test_answers_and_streams_stay_on_the_link_that_asked(both):
     assert not both.gcs.of("COMMAND_ACK", since=start_s)
 
 
-def test_a_denied_interval_is_told_on_all_links(both):
+def test_a_denied_interval_is_reported_on_all_links(both):
     assert both.ask(both.companion, 511, 231, 50_000) == [2]
     for peer in (both.companion, both.gcs):
         assert "No ap_message for mavlink id (231)" in peer.texts()
@@ -183,13 +187,13 @@ def test_commands_are_acknowledged_in_the_next_tick(both):
     assert both.companion.last("COMMAND_ACK").command == USER_1
 
 
-def test_an_empty_mission_is_told(both):
+def test_an_empty_mission_is_reported(both):
     both.gcs.send(mavlink.MAVLink_mission_request_list_message(1, 1))
     both.run(0.1)
     assert both.gcs.last("MISSION_COUNT").count == 0
 
 
-def test_rc_strength_is_unknown_or_what_the_radio_last_said(both):
+def test_rc_strength_is_unknown_or_the_last_value_of_the_radio(both):
     both.companion.command(511, 65, 100_000)
     both.run(0.5)
     assert both.companion.last("RC_CHANNELS").rssi == 255

@@ -82,7 +82,7 @@ def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_pi
     reasons = [data["reason"] for data in towards]
     inner = reasons[reasons.index("flying inspection to splice-inner") :]
     inner = inner[: inner.index("at target splice-inner")]
-    assert any(reason.startswith("wind risk") for reason in inner)  # it is weighed anew
+    assert any(reason.startswith("wind risk") for reason in inner)  # the path is weighed again
     log = mavutil.mavlink_connection(str(tmp_path / "flight.tlog"), dialect="all")
     seen = set()
     while (message := log.recv_match()) is not None:
@@ -104,7 +104,9 @@ def test_ardupilot_is_flown_as_well(tmp_path):
 @real_time
 @pytest.mark.alone
 @pytest.mark.parametrize("autopilot", sampled(["px4"], ["px4", "ardupilot"]))
-def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_path, autopilot):
+def test_with_rough_target_positions_alone_the_companion_sees_obstacles_and_avoids_them(
+    tmp_path, autopilot
+):
     flown = fly("--perceive", "--autopilot", autopilot, "--out", str(tmp_path))
     assert flown.returncode == 0, flown.stdout + flown.stderr
     assert "seen: wire " in flown.stdout
@@ -119,7 +121,7 @@ def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_pa
 
 
 @real_time
-def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
+def test_a_machine_that_is_too_slow_is_reported(tmp_path):
     flown = fly("--speed", "500", "--out", str(tmp_path))
     assert flown.returncode == 1
     assert "is --speed 500 too much for this machine?" in flown.stdout
@@ -127,7 +129,7 @@ def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
 
 
 @real_time
-def test_on_a_terminal_the_service_is_watched_and_what_was_said_stays(tmp_path):
+def test_on_a_terminal_the_view_of_the_service_is_shown_and_the_output_stays(tmp_path):
     ours, theirs = pty.openpty()
     with subprocess.Popen(
         [sys.executable, "-m", "sitl.demonstration", "--out", str(tmp_path)],
@@ -178,9 +180,9 @@ def test_on_a_terminal_the_service_is_watched_and_what_was_said_stays(tmp_path):
 )
 def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
     out = () if "--out" in arguments else ("--out", str(tmp_path))
-    said = refused(capsys, *arguments, *out)
-    assert said.count("\n") == 1
-    assert named in said
+    output = refused(capsys, *arguments, *out)
+    assert output.count("\n") == 1
+    assert named in output
 
 
 def test_a_user_sees_that_line_and_status(tmp_path):
@@ -206,8 +208,8 @@ def test_a_site_that_the_script_cannot_be_flown_on_is_refused(tmp_path, missing,
         kept += [] if skipping else [line]
     site = tmp_path / "site.yaml"
     site.write_text("\n".join(kept))
-    said = refused(capsys, "--site", str(site), "--out", str(tmp_path / "out"))
-    assert said == f"sitl/fly: {site}: must have targets and landing points to be flown\n"
+    output = refused(capsys, "--site", str(site), "--out", str(tmp_path / "out"))
+    assert output == f"sitl/fly: {site}: must have targets and landing points to be flown\n"
 
 
 def lines_of(name, *changes):
@@ -256,7 +258,7 @@ def flight_of(folder, *files):
     return folder
 
 
-def test_what_an_interrupted_flight_has_recorded_is_in_its_folder_and_no_deeper(tmp_path):
+def test_the_recording_of_an_interrupted_flight_is_directly_in_its_folder(tmp_path):
     out = flight_of(tmp_path / "out", "flight.tlog", "decisions.jsonl")
     assert gather(out)
     assert {path.name for path in out.iterdir()} == {"flight.tlog", "decisions.jsonl"}
@@ -264,7 +266,7 @@ def test_what_an_interrupted_flight_has_recorded_is_in_its_folder_and_no_deeper(
     assert not gather(flight_of(tmp_path / "none"))
 
 
-def test_latest_leads_to_the_last_flight_whatever_became_of_it(tmp_path):
+def test_latest_links_to_the_last_flight_with_any_outcome(tmp_path):
     for name in ("20260101T000000Z", "20260101T000100Z"):
         (tmp_path / name).mkdir()
         link_latest(tmp_path / name)
@@ -282,24 +284,24 @@ def copy_of_the_script(tmp_path):
     return tmp_path
 
 
-def test_help_is_told_without_installing(tmp_path):
+def test_help_is_printed_without_installing(tmp_path):
     checkout = copy_of_the_script(tmp_path)
     for word in ("--help", "-h"):
-        told = subprocess.run(
+        process = subprocess.run(
             [checkout / "sitl" / "fly", "--headless", word],
             capture_output=True,
             text=True,
             timeout=30,
             check=False,
         )
-        assert (told.returncode, told.stderr) == (0, "")
-        assert told.stdout.startswith("usage: sitl/fly ")
+        assert (process.returncode, process.stderr) == (0, "")
+        assert process.stdout.startswith("usage: sitl/fly ")
     assert not (checkout / ".venv").exists()
 
 
 @pytest.mark.parametrize("module", ["sitl", "sitl.demonstration"])
-def test_a_python_without_the_packages_is_told_in_one_line(module):
-    told = subprocess.run(
+def test_a_python_without_the_packages_is_reported_in_one_line(module):
+    process = subprocess.run(
         [sys.executable, "-S", "-m", module],  # without site-packages
         cwd=ROOT,
         capture_output=True,
@@ -307,13 +309,13 @@ def test_a_python_without_the_packages_is_told_in_one_line(module):
         timeout=30,
         check=False,
     )
-    assert (told.returncode, told.stdout) == (1, "")
-    assert told.stderr.count("\n") == 1
-    assert ": this Python has no " in told.stderr
-    assert told.stderr.endswith(": use .venv/bin/python, which tests/run and sitl/fly make\n")
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr.count("\n") == 1
+    assert ": this Python has no " in process.stderr
+    assert process.stderr.endswith(": use .venv/bin/python, which tests/run and sitl/fly make\n")
 
 
-def test_an_old_python_is_told_so(monkeypatch):
+def test_an_old_python_is_reported(monkeypatch):
     monkeypatch.setattr(sys, "version_info", (3, 8, 10, "final", 0))
     assert complaint(SyntaxError()).startswith("this is Python 3.8, must be 3.10 to 3.13: ")
 
@@ -321,8 +323,8 @@ def test_an_old_python_is_told_so(monkeypatch):
 def test_a_full_disk_is_refused_before_the_flight(tmp_path, monkeypatch, capsys):
     usage = collections.namedtuple("usage", "total used free")  # noqa: PYI024 - shutil's own
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - 10**6, 10**6))
-    said = f"sitl/fly: --out: {tmp_path} has 1 MB free, must be at least 50\n"
-    assert refused(capsys, "--out", str(tmp_path)) == said
+    output = f"sitl/fly: --out: {tmp_path} has 1 MB free, must be at least 50\n"
+    assert refused(capsys, "--out", str(tmp_path)) == output
 
 
 def test_a_row_of_the_truth_that_a_full_disk_cut_short_is_left_out(tmp_path):
@@ -336,7 +338,7 @@ def test_a_row_of_the_truth_that_a_full_disk_cut_short_is_left_out(tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_it_takes_its_processes_with_it_when_it_is_ended(tmp_path, number):
+def test_the_demonstration_ends_its_processes_when_it_is_ended(tmp_path, number):
     with subprocess.Popen(
         [sys.executable, "-m", "sitl.demonstration", "--headless", "--out", str(tmp_path)],
         cwd=ROOT,

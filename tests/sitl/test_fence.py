@@ -15,14 +15,14 @@ AREA = "Geofence: approaching or outside geofence\t"
 
 
 def flown_out(make_flight, **parameters):
-    """OFFBOARD at 10 m, on its way 30 m north."""
+    """A flight in OFFBOARD at 10 m, towards a point 30 m north."""
     flight = make_flight(parameters={"COM_OF_LOSS_T": 0.5, **parameters})
     flight.take_off()
     flight.hold_at(x=30.0)
     return flight
 
 
-def test_the_circle_holds_with_status_five(make_flight):
+def test_a_breach_of_the_circle_holds_with_system_status_five(make_flight):
     """Recorded: the text, 0.05 s later "Failsafe activated", HOLD with system_status 5."""
     flight = flown_out(make_flight, GF_MAX_HOR_DIST=10.0, GF_ACTION=2)
     assert flight.run(20.0, until=lambda f: f.truth.mode == "AUTO.LOITER")
@@ -32,15 +32,15 @@ def test_the_circle_holds_with_status_five(make_flight):
     assert flight.heartbeat().system_status == 5
 
 
-def test_the_text_is_said_once_again_while_it_is_outside(make_flight):
+def test_the_text_is_sent_once_more_while_px4_is_outside(make_flight):
     flight = flown_out(make_flight, GF_MAX_HOR_DIST=10.0, GF_ACTION=2)
     flight.run(20.0, until=lambda f: f.truth.mode == "AUTO.LOITER")
     first_s = flight.now_s
     flight.run(8.0)
-    told = [t for t, m in flight.gcs.received if getattr(m, "text", "") == DISTANCE]
-    assert len(told) == 2
-    assert told[1] - told[0] == pytest.approx(2.1, abs=0.2)
-    assert told[0] == pytest.approx(first_s, abs=0.3)
+    sent_s = [t for t, m in flight.gcs.received if getattr(m, "text", "") == DISTANCE]
+    assert len(sent_s) == 2
+    assert sent_s[1] - sent_s[0] == pytest.approx(2.1, abs=0.2)
+    assert sent_s[0] == pytest.approx(first_s, abs=0.3)
 
 
 def test_a_landing_ordered_outside_is_overruled_to_hold(make_flight):
@@ -112,7 +112,7 @@ SQUARE = [
 ]
 
 
-def test_what_was_uploaded_can_be_read_back_by_the_companion(make_flight):
+def test_the_companion_can_read_back_an_uploaded_fence(make_flight):
     flight = make_flight()
     flight.run(1.0)
     upload(flight, [*SQUARE, (CIRCLE_OUT, 7.5, 30.0, 0.0)])
@@ -137,7 +137,7 @@ def test_px4_holds_at_an_uploaded_polygon(make_flight):
     assert AREA in flight.gcs.texts()
 
 
-def test_ardupilot_takes_no_target_outside_a_polygon_and_brakes_at_it(make_ardupilot):
+def test_ardupilot_rejects_a_target_outside_a_polygon_and_brakes_at_the_polygon(make_ardupilot):
     flight = make_ardupilot(parameters={"FENCE_ENABLE": 1, "FENCE_TYPE": 4, "FENCE_ACTION": 4})
     flight.take_off()
     upload(flight, SQUARE)

@@ -78,13 +78,13 @@ BACK = [(40.0, 2.0), (40.0, 4.5), (35.0, 8.0), (30.0, 11.5), (15.0, 14.6), (0.0,
 ON = [(-5.0, 9.25), (-10.0, 4.5), (-10.0, 0.1)]
 
 
-def tour(*ways):
+def tour(*paths):
     """Flights one after the other, each to the ground."""
-    rows = [row for way in ways for row in flight(*way)]
+    rows = [row for path in paths for row in flight(*path)]
     return [replace(row, time_s=float(number)) for number, row in enumerate(rows)]
 
 
-def test_two_landings_and_the_straight_way_back_between_them_have_no_fault():
+def test_two_landings_and_the_straight_return_between_them_have_no_fault():
     flown = tour(GOOD, [*BACK, *ON])
     assert judged(flown, LEG, WEST_LEG, landings=[EAST, WEST]).faults == ()
 
@@ -98,14 +98,12 @@ def test_two_landings_and_the_straight_way_back_between_them_have_no_fault():
         (tour(GOOD, [*BACK[:2], (37.0, 12.0), *BACK[3:], *ON]), [EAST], "left the workspace at 9."),
     ],
 )
-def test_a_landing_that_is_missing_and_a_way_back_that_is_not_straight_are_named(
-    rows, landings, fault
-):
+def test_a_missing_landing_and_a_return_that_is_not_straight_are_named(rows, landings, fault):
     (found,) = judged(rows, LEG, WEST_LEG, landings=landings).faults
     assert found.startswith(fault)
 
 
-def test_any_of_several_landing_points_will_do():
+def test_any_of_several_landing_points_is_accepted():
     assert judged(flight(*GOOD), LEG, landings=[(*WEST, *EAST)]).faults == ()
 
 

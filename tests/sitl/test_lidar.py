@@ -1,4 +1,4 @@
-"""The simulated lidar: its ranges against geometry computed another way, and its packets."""
+"""The simulated lidar: its packets, and its ranges against independent geometry."""
 
 import math
 import struct
@@ -38,7 +38,7 @@ def rays(time_s, pose):
     firings = np.arange(24)[:, None] * SEQUENCE_S + np.arange(16) * FIRING_S
     azimuth = 2.0 * math.pi * 10.0 * (time_s + firings)
     elevation = np.broadcast_to(np.radians(ELEVATIONS_DEG), azimuth.shape)
-    ways = np.stack(
+    directions = np.stack(
         (
             np.cos(elevation) * np.cos(azimuth),
             -np.cos(elevation) * np.sin(azimuth),
@@ -47,23 +47,23 @@ def rays(time_s, pose):
         axis=-1,
     )
     places, turns = pose(time_s + np.arange(24) * SEQUENCE_S)
-    turned = np.einsum("nij,nlj->nli", turns, ways)
+    turned = np.einsum("nij,nlj->nli", turns, directions)
     return np.repeat(places, 16, axis=0), turned.reshape(-1, 3)
 
 
-def to_wire(wire, places, ways):
+def to_wire(wire, places, directions):
     """Ranges to the straight pieces of a wire, without leaving any out."""
-    nearest = np.full(len(ways), np.inf)
+    nearest = np.full(len(directions), np.inf)
     ends = wire.ends()
     for start, end in pairwise(ends):
         length = np.linalg.norm(end - start)
         along = (end - start) / length
         offset = places - start
-        across = ways - (ways @ along)[:, None] * along
+        across = directions - (directions @ along)[:, None] * along
         beside = offset - (offset @ along)[:, None] * along
         reach = -(across * beside).sum(axis=1) / (across**2).sum(axis=1)
         miss = np.linalg.norm(beside + reach[:, None] * across, axis=1)
-        place = (offset + reach[:, None] * ways) @ along
+        place = (offset + reach[:, None] * directions) @ along
         half_beam = (APERTURE_M + DIVERGENCE_RAD * np.maximum(reach, 0.0)) / 2.0
         half = wire.diameter_m / 2.0
         met = np.minimum(miss + half, half_beam) - np.maximum(miss - half, -half_beam)
@@ -145,7 +145,7 @@ def test_the_end_of_a_solid_is_met_too():
     assert level == pytest.approx(6.0 / math.cos(math.radians(1.0)), abs=0.0011)
 
 
-def test_noise_dropouts_and_rain_are_as_the_scene_says():
+def test_noise_dropouts_and_rain_are_those_of_the_scene():
     wall = Box(lower_m=(12.0, -99.0, -99.0), upper_m=(13.0, 99.0, 99.0))
 
     def measured(**air):
@@ -158,7 +158,7 @@ def test_noise_dropouts_and_rain_are_as_the_scene_says():
     assert early.mean() == pytest.approx(1.0 - math.exp(-0.2), abs=0.01)
 
 
-def test_leaves_let_as_many_rays_through_as_their_density_says():
+def test_the_share_of_rays_that_pass_leaves_is_given_by_their_density():
     tree = Tree(centre_m=(10.0, 0.0, 0.0), radius_m=2.0, density_per_m=0.25)
     lidar = SimulatedLidar(LidarScene(trees=(tree,), **CLEAR))
     level = np.array([ranges_of(each)[0, 1] for each in lidar.packets(np.zeros(2000), at_rest)])

@@ -59,7 +59,7 @@ def measured(lidar, state, seconds=0.1):
     return ranges, np.degrees(2 * math.pi * 10.0 * sequences) % 360.0
 
 
-def test_a_packet_comes_with_the_first_truth_after_its_end_and_none_is_left_out():
+def test_each_packet_is_sent_with_the_first_truth_after_its_end():
     lidar, ends = carrier(WALL), []
     for tick in range(101):
         now_s = tick * 0.01
@@ -70,7 +70,7 @@ def test_a_packet_comes_with_the_first_truth_after_its_end_and_none_is_left_out(
     assert len(ends) == math.floor(1.0 / PACKET_S)
 
 
-def test_begun_later_it_does_not_send_what_is_past():
+def test_a_lidar_that_starts_later_does_not_send_past_packets():
     lidar = carrier(WALL)
     assert lidar.step(truth(100.0)) == []
     ((first_s, _), *_) = lidar.step(truth(100.01))
@@ -109,11 +109,13 @@ def test_the_rays_turn_with_the_aircraft(axis):
     for packet, sequence, laser in ((0, 0, 0), (2, 7, 15), (8, 20, 6)):
         azimuth = math.radians(azimuths[packet, sequence]) + 2 * math.pi * 10 * laser * 2.304e-6
         up = math.radians(ELEVATIONS_DEG[laser])
-        way = np.array(
+        direction = np.array(
             [math.cos(up) * math.cos(azimuth), -math.cos(up) * math.sin(azimuth), math.sin(up)]
         )
-        turned_way = to_plane @ np.diag([1.0, -1.0, -1.0]) @ mount @ way
-        assert ranges[packet, sequence, laser] == pytest.approx(20.0 / turned_way[0], abs=0.01)
+        turned_direction = to_plane @ np.diag([1.0, -1.0, -1.0]) @ mount @ direction
+        assert ranges[packet, sequence, laser] == pytest.approx(
+            20.0 / turned_direction[0], abs=0.01
+        )
 
 
 def test_the_pose_is_that_of_the_firing_between_two_truths():

@@ -1,4 +1,4 @@
-"""Scene files of the lidar: read, written, and what is said about bad ones."""
+"""Scene files of the lidar: read, written, and the errors about bad files."""
 
 import copy
 
@@ -23,7 +23,7 @@ FULL = {
 }
 
 
-def test_everything_that_a_file_has_is_in_the_scene():
+def test_all_content_of_a_file_is_in_the_scene():
     placed = PlacedScene.parse(FULL, "scene.yaml")
     assert (placed.origin.latitude_deg, placed.azimuth_deg) == (45.3781, 90.0)
     assert placed.mount == LidarMount(
@@ -52,7 +52,7 @@ def test_the_file_of_a_scene_is_that_scene(tmp_path, data):
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "says"),
+    ("place", "value", "problem"),
     [
         (("wires", 0, "end_m"), [5, -150, 20], "wires[0]: end_m must be at least 0.1 m from"),
         (("wires", 0, "diameter_m"), 0, "wires[0].diameter_m: 0: must be greater than 0"),
@@ -69,7 +69,7 @@ def test_the_file_of_a_scene_is_that_scene(tmp_path, data):
         (("wires",), {}, "wires: must be a list"),
     ],
 )
-def test_a_bad_file_is_one_line_that_names_key_and_value(place, value, says):
+def test_a_bad_file_is_one_line_that_names_key_and_value(place, value, problem):
     data = copy.deepcopy(FULL)
     at = data
     for part in place[:-1]:
@@ -77,11 +77,11 @@ def test_a_bad_file_is_one_line_that_names_key_and_value(place, value, says):
     at[place[-1]] = value
     with pytest.raises(BadInputError) as caught:
         PlacedScene.parse(data, "scene.yaml")
-    said = str(caught.value)
-    assert said.startswith(f"scene.yaml: {says}")
-    assert "\n" not in said
+    error_text = str(caught.value)
+    assert error_text.startswith(f"scene.yaml: {problem}")
+    assert "\n" not in error_text
 
 
-def test_a_missing_frame_is_told():
+def test_a_missing_frame_is_reported():
     with pytest.raises(BadInputError, match=r"^scene\.yaml: frame: is missing$"):
         PlacedScene.parse({"name": "none"}, "scene.yaml")

@@ -40,7 +40,7 @@ def test_an_ack_to_an_unseen_system_goes_nowhere_and_one_to_everyone_arrives(bot
     assert both.gcs.of("COMMAND_ACK")
 
 
-def test_nothing_is_routed_to_a_companion_that_never_spoke(make_flight):
+def test_nothing_is_routed_to_a_companion_that_never_sent(make_flight):
     flight = make_flight()
     flight.companion_alive = False
     flight.run(4.0)
@@ -71,7 +71,7 @@ def test_a_command_to_an_unseen_component_goes_nowhere(both):
     ],
     ids=lambda message: message.get_type(),
 )
-def test_what_the_companion_says_arrives_at_the_ground_station(both, message):
+def test_packets_of_the_companion_arrive_at_the_ground_station(both, message):
     both.companion.send(message)
     both.run(0.1)
     found = both.gcs.last(message.get_type())
@@ -142,7 +142,7 @@ def test_a_fading_link_loses_packets_as_gaps_in_the_sequence(flight):
 
 
 @pytest.mark.parametrize("first", ["companion", "ground station"])
-def test_of_two_orders_in_one_tick_the_later_one_counts_whatever_its_link(flight, first):
+def test_of_two_orders_in_one_tick_the_later_one_counts_on_any_link(flight, first):
     flight.run(6.0)
     orders = [(flight.companion, LAND), (flight.gcs, HOLD)]
     for peer, mode in orders if first == "companion" else reversed(orders):

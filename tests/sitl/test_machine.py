@@ -37,7 +37,7 @@ def test_step_size_and_link_set_do_not_change_the_physics():
     assert fine.truth == coarse.truth
 
 
-def test_time_that_does_not_advance_does_nothing():
+def test_time_that_does_not_advance_has_no_effect():
     vehicle = FakeAutopilot()
     vehicle.step(2.0)
     vehicle.data_to_send()
@@ -47,7 +47,7 @@ def test_time_that_does_not_advance_does_nothing():
     assert vehicle.time_s == 2.0
 
 
-def test_a_link_that_nobody_drains_does_not_grow_without_end():
+def test_a_link_without_a_reader_does_not_grow_without_limit():
     vehicle = FakeAutopilot(Options(links=(LinkOptions(name="only"),)))
     vehicle.step(300.0)
     ((_, data),) = vehicle.data_to_send()

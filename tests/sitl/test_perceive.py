@@ -1,4 +1,4 @@
-"""The flight by sight: what is told, what stands there, and what is added."""
+"""The flight with perception: the given site, the true obstacles, and the added ones."""
 
 import math
 from dataclasses import replace
@@ -33,17 +33,17 @@ def vehicle(manner=Manner.ARDUPILOT):
     return as_simulated(named_vehicle("x500"), manner)
 
 
-def test_nothing_is_told_but_frame_workspace_and_rough_places(tmp_path):
+def test_the_given_site_has_only_frame_workspace_and_rough_targets(tmp_path):
     file = tmp_path / "site.yaml"
     file.write_text(yaml.safe_dump(given_document(SITE), sort_keys=False))
-    told = Site.load(file)
-    assert told.obstacles == ()
-    assert [target.position_m for target in told.targets] == [(26.5, 11.0), (11.5, 11.0)]
-    assert [(target.name, target.dwell_s) for target in told.targets] == [
+    given = Site.load(file)
+    assert given.obstacles == ()
+    assert [target.position_m for target in given.targets] == [(26.5, 11.0), (11.5, 11.0)]
+    assert [(target.name, target.dwell_s) for target in given.targets] == [
         (target.name, target.dwell_s) for target in SITE.targets
     ]
-    assert all(target.look_at_m is None for target in told.targets)
-    assert (told.frame, told.workspace, told.start_m, told.landing_m) == (
+    assert all(target.look_at_m is None for target in given.targets)
+    assert (given.frame, given.workspace, given.start_m, given.landing_m) == (
         SITE.frame, SITE.workspace, SITE.start_m, SITE.landing_m,
     )  # fmt: skip
 
@@ -69,7 +69,7 @@ def test_a_polygon_is_a_solid_across_the_plane():
     )  # fmt: skip
 
 
-def test_trees_and_a_house_stand_beyond_all_that_is_flown_to():
+def test_trees_and_a_house_stand_beyond_the_landing_points():
     scene = lidar_scene(SITE).scene
     xs = [point[0] for points in SITE.landing_m.values() for point in points]
     for tree in scene.trees:
@@ -80,7 +80,7 @@ def test_trees_and_a_house_stand_beyond_all_that_is_flown_to():
 
 @pytest.mark.parametrize("manner", list(Manner))
 @pytest.mark.parametrize("path", SITES, ids=lambda path: path.stem)
-def test_what_is_added_bars_the_straight_way_and_hides_from_the_start(path, manner):
+def test_added_obstacles_block_the_straight_path_and_are_not_visible_from_the_start(path, manner):
     site = Site.load(path)
     jib, cable = added_obstacles(site, vehicle(manner))
     start_m, target_m = site.start_m, site.targets[0].position_m
@@ -96,7 +96,7 @@ def test_what_is_added_bars_the_straight_way_and_hides_from_the_start(path, mann
     assert (jib.name, cable.name) == ADDED
 
 
-def test_what_is_added_is_always_the_same():
+def test_the_added_obstacles_are_always_the_same():
     assert added_obstacles(SITE, vehicle()) == added_obstacles(SITE, vehicle())
 
 
@@ -106,10 +106,10 @@ def test_a_site_without_room_for_an_obstacle_is_refused():
         added_obstacles(replace(SITE, targets=(here,)), vehicle())
 
 
-def test_the_files_are_what_both_processes_take(tmp_path):
+def test_simulator_and_service_load_the_files(tmp_path):
     perceiving = prepare(tmp_path, SITE, vehicle(), 2371)
-    told = Site.load(perceiving.given)
-    assert told.obstacles == ()
+    given = Site.load(perceiving.given)
+    assert given.obstacles == ()
     assert {item.name for item in perceiving.site.obstacles} > set(ADDED)
     placed = PlacedScene.load(perceiving.scene)
     assert len(placed.scene.wires) == len(SITE.obstacles) + 1
@@ -131,7 +131,7 @@ def test_the_files_are_what_both_processes_take(tmp_path):
     assert perception.mount.roll_pitch_yaw_deg == placed.mount.roll_pitch_yaw_deg
 
 
-def test_each_sighting_is_told_once():
+def test_each_sighting_is_printed_once():
     seen = Sightings()
     texts = ["MOAR: planning inspection", "MOAR: wire 1 at x 9.2, z 18.3, avoided"]
     assert seen.lines(texts) == ["seen: wire 1 at x 9.2, z 18.3, avoided"]

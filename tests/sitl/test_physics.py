@@ -27,7 +27,7 @@ def _flying(**demand):
     return quad
 
 
-def test_at_hover_thrust_it_stays_where_it_is():
+def test_at_hover_thrust_the_vehicle_keeps_its_position():
     quad = _flying()
     for _ in range(1000):
         quad.step(DT, 0.0, 0.0, 0.0)
@@ -43,7 +43,7 @@ def test_terminal_speed_at_a_tilt_is_g_tan_tilt_over_drag():
     assert quad.vd == pytest.approx(0.0, abs=0.01)
 
 
-def test_without_thrust_it_drifts_with_the_wind_and_falls():
+def test_without_thrust_the_vehicle_drifts_with_the_wind_and_falls():
     quad = _flying(thrust=0.0)
     for _ in range(3000):
         quad.d = -50.0
@@ -65,7 +65,7 @@ def test_roll_to_the_right_goes_east_when_heading_north_and_south_when_heading_e
     assert quad.n < -0.5
 
 
-def test_the_ground_holds_it_and_thrust_lifts_it():
+def test_the_ground_holds_the_vehicle_and_thrust_lifts_it():
     quad = Quadrotor(Airframe(), 0.0)
     quad.demand.spinning = True
     for _ in range(200):

@@ -17,7 +17,7 @@ def test_first_packets_come_a_third_of_a_second_after_power_on(flight):
     assert 0.25 <= flight.companion.received[0][0] <= 0.4
 
 
-def test_it_boots_into_hold_disarmed_and_is_armable_after_four_to_five_seconds(flight):
+def test_px4_boots_into_hold_disarmed_and_is_armable_after_four_to_five_seconds(flight):
     flight.run(8.0)
     first = flight.companion.of("HEARTBEAT")[0]
     assert (first.custom_mode, first.base_mode, first.system_status) == (HOLD, 29, 0)
@@ -62,8 +62,8 @@ def test_arming_in_offboard_without_a_stream_is_refused_even_by_force(flight):
     flight.mode(flight.companion, (6, 0))
     assert flight.ask(flight.companion, 400, 1) == [1]
     assert flight.ask(flight.companion, 400, 1, 21196) == [1]
-    said = "".join(flight.gcs.texts())
-    assert "Arming denied: Resolve system health failures first\t" in said
+    texts = "".join(flight.gcs.texts())
+    assert "Arming denied: Resolve system health failures first\t" in texts
     assert not flight.truth.armed
 
 
@@ -72,7 +72,7 @@ def test_arming_before_the_health_checks_are_done_is_refused(flight):
     assert flight.ask(flight.gcs, 400, 1) == [1]
 
 
-def test_armed_on_the_ground_it_disarms_by_itself_after_eleven_seconds(flight):
+def test_armed_on_the_ground_px4_disarms_by_itself_after_eleven_seconds(flight):
     flight.run(6.0)
     flight.ask(flight.gcs, 400, 1)
     armed_s = flight.now_s - 0.3
@@ -126,7 +126,7 @@ def test_nav_land_lands_and_disarms_two_seconds_after_landing_detected(airborne)
     assert gap_s == pytest.approx(2.0, abs=0.15)
 
 
-def test_nav_takeoff_with_a_height_climbs_to_it_when_it_is_armed(flight):
+def test_nav_takeoff_with_a_height_climbs_to_the_height_after_arming(flight):
     flight.run(6.0)
     above_m = flight.gcs.last("HOME_POSITION").altitude / 1e3 + 5.0
     assert flight.ask(flight.gcs, 22, 0, 0, 0, math.nan, math.nan, math.nan, above_m) == [0]
@@ -173,7 +173,7 @@ def test_a_mission_cannot_be_flown_without_one(airborne):
     assert airborne.heartbeat().custom_mode == OFFBOARD
 
 
-def test_unknown_commands_are_unsupported_and_those_to_others_are_not_answered(flight):
+def test_unknown_commands_are_unsupported_and_those_to_other_systems_are_not_answered(flight):
     flight.run(6.0)
     assert flight.ask(flight.gcs, 31010, 1) == [3]
     assert flight.ask(flight.gcs, 31010, 1, component=0) == [3]
@@ -228,7 +228,7 @@ def test_reposition_in_hold_flies_to_a_place_in_degrees(airborne):
     assert airborne.truth.position_ned_m[0] == pytest.approx(20.0, abs=1.5)
 
 
-def test_after_landing_from_offboard_the_mode_is_offboard_and_it_is_not_ready(flight):
+def test_after_landing_from_offboard_the_mode_is_offboard_and_px4_is_not_ready(flight):
     """Taken off in HOLD, flown in OFFBOARD, landed by LAND: so it is in a recording of PX4."""
     flight.run(6.0)
     flight.ask(flight.gcs, 22, math.nan, 0, 0, math.nan, math.nan, math.nan, 494.4)
@@ -265,13 +265,13 @@ def test_the_heartbeats_of_two_links_are_out_of_phase(flight):
     assert 0.2 <= (first[1] - first[0]) % 1.0 <= 0.8
 
 
-def test_lost_and_regained_links_are_told(flight):
+def test_lost_and_regained_links_are_reported(flight):
     flight.run(4.0)
     flight.companion_alive = flight.ground_station_alive = False
     flight.run(12.0)
     flight.companion_alive = flight.ground_station_alive = True
     flight.run(2.0)
-    told = [text.strip() for text in flight.gcs.texts()]
-    told = [text for text in told if "onnect" in text or "controller" in text]
-    assert told[:2] == ["Connection to mission computer lost", "Connection to ground station lost"]
-    assert sorted(told[2:]) == ["GCS connection regained", "Onboard controller regained"]
+    texts = [text.strip() for text in flight.gcs.texts()]
+    texts = [text for text in texts if "onnect" in text or "controller" in text]
+    assert texts[:2] == ["Connection to mission computer lost", "Connection to ground station lost"]
+    assert sorted(texts[2:]) == ["GCS connection regained", "Onboard controller regained"]

@@ -133,7 +133,7 @@ def test_three_satellites_are_no_fix_and_offboard_holds_for_five_seconds(airborn
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "ALTCTL"), (4, "AUTO.LAND"), (5, "AUTO.LAND")])
-def test_without_gps_offboard_ends_as_com_obl_rc_act_says(airborne, action, mode):
+def test_without_gps_offboard_ends_by_com_obl_rc_act(airborne, action, mode):
     airborne.vehicle.set_parameter("COM_OBL_RC_ACT", action)
     airborne.vehicle.conditions.satellites = 3
     assert airborne.run(8.0, until=lambda f: f.truth.mode != "OFFBOARD")
@@ -142,7 +142,7 @@ def test_without_gps_offboard_ends_as_com_obl_rc_act_says(airborne, action, mode
     assert airborne.heartbeat().system_status == 5
 
 
-def test_when_gps_recovers_offboard_resumes_by_itself_and_it_flies_back(airborne):
+def test_when_gps_recovers_offboard_resumes_by_itself_and_px4_flies_back(airborne):
     airborne.vehicle.conditions.satellites = 3
     airborne.run(9.0)
     assert airborne.truth.mode == "ALTCTL"
@@ -241,6 +241,6 @@ def _flags(**changes):
         ),
     ],
 )
-def test_the_failsafe_table(title, changes, mode):
+def test_each_failsafe_follows_the_table(title, changes, mode):
     action = due(_flags(**changes))
     assert (action.mode if action else None) is mode, title

@@ -15,7 +15,7 @@ def lose_ground_station(airborne):
 
 
 def lose_sticks(airborne):
-    """A joystick's last word."""
+    """The last message of a joystick."""
     airborne.gcs.send(mavlink.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0))
 
 
@@ -31,14 +31,14 @@ def assert_it_was_lost(airborne, after_s, hold_s, mode):
 
 
 @pytest.mark.parametrize(("action", "hold_s", "mode"), LINK_ACTIONS)
-def test_a_lost_ground_station_ends_offboard_as_nav_dll_act_says(airborne, action, hold_s, mode):
+def test_a_lost_ground_station_ends_offboard_by_nav_dll_act(airborne, action, hold_s, mode):
     airborne.vehicle.set_parameter("NAV_DLL_ACT", action)
     lose_ground_station(airborne)
     assert_it_was_lost(airborne, 10.0, hold_s, mode)
 
 
 @pytest.mark.parametrize(("action", "hold_s", "mode"), LINK_ACTIONS)
-def test_lost_sticks_end_offboard_as_nav_rcl_act_says(airborne, action, hold_s, mode):
+def test_lost_sticks_end_offboard_by_nav_rcl_act(airborne, action, hold_s, mode):
     airborne.vehicle.set_parameter("NAV_RCL_ACT", action)
     airborne.vehicle.set_parameter("COM_RC_LOSS_T", 3.0)
     lose_sticks(airborne)
@@ -63,7 +63,7 @@ def test_offboard_goes_on_without_a_link_that_is_excepted(airborne, values, lose
     assert airborne.heartbeat().system_status == 4
 
 
-def test_a_link_that_is_back_leaves_the_hold_until_a_mode_is_chosen(airborne):
+def test_after_link_recovery_the_hold_stays_until_a_mode_is_chosen(airborne):
     airborne.vehicle.set_parameter("NAV_DLL_ACT", 1)
     lose_ground_station(airborne)
     airborne.run(12.0)
@@ -74,7 +74,7 @@ def test_a_link_that_is_back_leaves_the_hold_until_a_mode_is_chosen(airborne):
     assert airborne.mode(airborne.companion, (6, 0))[-1] == 0
     airborne.run(1.0)
     assert airborne.truth.mode == "OFFBOARD"
-    lose_ground_station(airborne)  # anew
+    lose_ground_station(airborne)  # a second time
     airborne.run(12.0)
     assert airborne.truth.mode == "AUTO.LOITER"
 
@@ -98,18 +98,18 @@ def test_a_landing_goes_on_without_a_ground_station(airborne):
     assert airborne.truth.mode == "AUTO.LAND"
 
 
-def test_the_event_of_a_lost_link_tells_what_was_lost(airborne):
+def test_the_event_of_a_lost_link_names_the_lost_link(airborne):
     airborne.vehicle.set_parameter("NAV_DLL_ACT", 1)
     lose_ground_station(airborne)
     airborne.run(12.0)
     hold, ground_station = 5, 2
-    told = struct.pack("<IBB", OFFBOARD, hold, ground_station)
+    packed = struct.pack("<IBB", OFFBOARD, hold, ground_station)
     received = airborne.companion.of("UNKNOWN_410") or airborne.companion.of("EVENT")
     events = [event.get_msgbuf() for event in received]
-    assert sum(told in event for event in events) == 1
+    assert sum(packed in event for event in events) == 1
 
 
-def test_where_a_lost_ground_station_acts_nothing_is_armed_without_one(flight):
+def test_with_an_action_on_ground_station_loss_arming_needs_a_ground_station(flight):
     flight.vehicle.set_parameter("NAV_DLL_ACT", 1)
     flight.ground_station_alive = False
     flight.run(6.0)

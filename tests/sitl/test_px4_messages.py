@@ -59,7 +59,7 @@ def test_get_message_interval_reads_as_measured(flight, msgid, interval_us):
     assert flight.companion.last("MESSAGE_INTERVAL").interval_us == interval_us
 
 
-def test_gps_raw_int_can_be_slowed_down_and_let_go_again(flight):
+def test_the_rate_of_gps_raw_int_can_be_reduced_and_restored(flight):
     flight.run(5.0)
     flight.ask(flight.companion, 511, 24, 500_000)
     assert _rates(flight, flight.companion)["GPS_RAW_INT"] == pytest.approx(2, abs=0.2)
@@ -111,7 +111,7 @@ def test_texts_go_to_the_ground_station_only_events_to_both(airborne):
     assert all(text.endswith("\t") for text in airborne.gcs.texts() if len(text) < 50)
 
 
-def test_texts_reach_the_companions_link_when_a_ground_station_is_heard_there(flight):
+def test_texts_reach_the_companions_link_if_a_ground_station_is_received_there(flight):
     flight.run(2.0)
     flight.companion.heartbeat(mavlink.MAV_TYPE_GCS)
     flight.run(4.0)
@@ -267,7 +267,7 @@ def test_the_first_stick_input_on_the_ground_chooses_position_mode(flight):
     assert flight.heartbeat().system_status == 0  # the sticks are gone again
 
 
-def test_home_is_where_it_was_armed_and_the_origin_where_it_booted(airborne):
+def test_home_is_the_place_of_arming_and_the_origin_the_place_of_booting(airborne):
     airborne.run(2.5)
     home = airborne.companion.last("HOME_POSITION")
     assert home.latitude == pytest.approx(473977420, abs=60)
@@ -296,7 +296,7 @@ def test_a_slow_link_lowers_all_rates_but_those_of_heartbeat_and_gps(
     assert flight.count(flight.gcs, start_s)["ATTITUDE"] > 40.0 * 45.0
 
 
-def test_at_rest_the_estimator_says_that_its_position_is_constant(flight):
+def test_at_rest_the_estimator_reports_a_constant_position(flight):
     flight.run(6.0)
     assert flight.companion.last("ESTIMATOR_STATUS").flags == 0x3FF
     flight.ask(flight.companion, 400, 1)

@@ -67,7 +67,7 @@ def test_a_setpoint_to_another_component_is_ignored_silently(airborne):
     assert not any("SET_POSITION" in text for text in airborne.gcs.texts(start_s))
 
 
-def test_nan_in_one_position_axis_loses_the_position_without_a_word(airborne):
+def test_nan_in_one_position_axis_loses_the_position_without_a_text(airborne):
     airborne.hold_at(NAN, 5.0, -10.0)
     assert _mode_after(airborne) == "OFFBOARD"
     speed_mps = math.hypot(*airborne.truth.velocity_ned_mps)
@@ -115,7 +115,7 @@ def test_the_failsafe_comes_com_of_loss_t_after_the_last_setpoint(airborne, time
     ("value", "mode"),
     [(0, "AUTO.RTL"), (1, "AUTO.RTL"), (3, "AUTO.RTL"), (4, "AUTO.LAND"), (5, "AUTO.LOITER")],
 )
-def test_com_obl_rc_act_chooses_what_happens_without_a_pilot(airborne, value, mode):
+def test_com_obl_rc_act_chooses_the_offboard_loss_action_without_a_pilot(airborne, value, mode):
     airborne.vehicle.set_parameter("COM_OBL_RC_ACT", value)
     airborne.stream = None
     airborne.run(1.5)
@@ -189,7 +189,7 @@ def test_hold_from_the_ground_station_wins_at_once_and_stays(airborne):
     assert airborne.truth.mode == "OFFBOARD"
 
 
-def test_coming_back_to_offboard_chases_the_setpoint_that_ran_ahead(airborne):
+def test_return_to_offboard_flies_fast_to_the_setpoint_far_ahead(airborne):
     start_s = airborne.now_s
     airborne.stream = lambda f: f.companion.setpoint(0.7 * (f.now_s - start_s), v=(0.7, 0.0, 0.0))
     airborne.run(3.0)
@@ -221,7 +221,7 @@ def test_position_mode_without_sticks_is_acked_and_then_refused(airborne):
     assert airborne.heartbeat().base_mode == 209
 
 
-def test_sticks_do_nothing_in_offboard_unless_com_rc_override_says_so(airborne):
+def test_sticks_have_no_effect_in_offboard_unless_com_rc_override_is_set(airborne):
     airborne.vehicle.move_sticks(roll=0.5)
     airborne.run(3.0)
     assert airborne.truth.mode == "OFFBOARD"

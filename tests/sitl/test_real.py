@@ -20,7 +20,7 @@ HOME = Geodetic(latitude_deg=45.3781, longitude_deg=-71.9295, altitude_amsl_m=21
 
 @dataclass
 class Recorded:
-    """An operator who notes what he is to do."""
+    """An operator that records the requested actions."""
 
     landed_state: int = 1
     autopilot_received: bool = True
@@ -39,7 +39,7 @@ def weather_of(autopilot, *changes, speed=1.0):
 
 
 def px4_build(folder, *, start="param set MAV_SYS_ID $((px4_instance+1))\n"):
-    """A build folder of PX4 whose program says where it was started, and ends."""
+    """A build folder of PX4 with a program that prints its working folder and ends."""
     scripts = folder / "etc" / "init.d-posix"
     scripts.mkdir(parents=True)
     (scripts / "rcS").write_text(start)
@@ -63,7 +63,7 @@ def options(path, folder):
     )
 
 
-def test_a_path_says_which_autopilot_it_is(tmp_path):
+def test_a_path_determines_the_autopilot(tmp_path):
     assert autopilot_at(px4_build(tmp_path / "build")) == "px4"
     program = tmp_path / "arducopter"
     program.touch(0o755)
@@ -83,7 +83,7 @@ def test_px4_is_started_as_system_1_with_our_links_and_parameters(tmp_path):
     assert "18570" in (build / "etc" / "init.d-posix" / "px4-rc.mavlink").read_text()
 
 
-def test_a_lidar_is_carried_for_the_run_and_put_away_after_it(tmp_path):
+def test_a_lidar_is_mounted_for_the_run_and_removed_after_it(tmp_path):
     done = []
 
     class Lidar:
@@ -136,7 +136,7 @@ def test_a_battery_falls_by_parameters_on_px4_and_by_a_command_on_ardupilot():
         assert operator.done == done
 
 
-def test_what_a_simulator_cannot_play_is_named():
+def test_a_condition_that_a_simulator_cannot_play_is_named():
     changes = {"at_s": 0, "wind_mps": 3.0, "satellites": 5}
     assert weather_of("px4", changes).left_out == ("satellites", "wind_mps")
     assert weather_of("ardupilot", changes).left_out == ("satellites",)

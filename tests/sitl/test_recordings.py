@@ -246,7 +246,7 @@ SITUATIONS = {
             (27.1, world(gps_mode=GPS_SILENT)),
             (42.0, world(gps_mode=GPS_NORMAL)),
         ),
-        # A silent receiver speaks once a second; ready to arm and sure again later than usual.
+        # A silent receiver is reported once a second. Readiness and health come later than usual.
         slack_s={"receiver": 1.0, "health": 2.4},
         **COMPANION_ONLY,
     ),
@@ -306,12 +306,12 @@ def test_fields_that_never_change_in_a_situation_are_px4s(both):
 
 
 @pytest.mark.parametrize("course", COURSES)
-def test_modes_and_states_go_through_what_px4s_do(both, course):
+def test_modes_and_states_change_as_those_of_px4(both, course):
     kind, value, slack_s = COURSES[course]
     check_course(both, kind, value, shortest_s=1.05, slack_s=both.slack_s(course, slack_s))
 
 
 @pytest.mark.parametrize("field", ["present", "enabled", "health"])
-def test_the_sensors_bits_go_through_what_px4s_do(both, field):
+def test_the_sensors_bits_change_as_those_of_px4(both, field):
     slack_s = both.slack_s(field, SENSORS_SLACK_S)
     check_sensors(both, field, but=MAGNETOMETER_AND_LOGGING, slack_s=slack_s)

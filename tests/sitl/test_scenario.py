@@ -1,4 +1,4 @@
-"""Scenario files: what they do, and what is said about bad ones."""
+"""Scenario files: their effect, and the errors about bad files."""
 
 import math
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_a_change_after_take_off_waits_for_it():
     assert not world.conditions.has_fix()
 
 
-def test_the_wind_turns_the_short_way_round():
+def test_the_wind_turns_by_the_smaller_angle():
     scenario = _scenario(
         {"at_s": 0, "wind_from_deg": 350}, {"at_s": 1, "wind_from_deg": 10, "over_s": 2}
     )
@@ -71,7 +71,7 @@ def test_a_failing_battery_ramps_down():
 
 
 @pytest.mark.parametrize(
-    ("data", "says"),
+    ("data", "problem"),
     [
         ({"name": "x", "changes": [{"at_s": 1, "wnd_mps": 3}]}, "changes[0].wnd_mps: unknown key"),
         ({"name": "x", "wind": 3}, "wind: unknown key; allowed: name, changes"),
@@ -89,11 +89,11 @@ def test_a_failing_battery_ramps_down():
         (None, "file: must be keys and values"),
     ],
 )
-def test_a_bad_file_is_explained_in_one_line(data, says):
+def test_a_bad_file_is_explained_in_one_line(data, problem):
     with pytest.raises(BadInputError) as caught:
         Scenario.parse(data, "bad.yaml")
     assert str(caught.value).startswith("bad.yaml: ")
-    assert says in str(caught.value)
+    assert problem in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -107,12 +107,12 @@ def test_a_missing_file_and_broken_yaml_are_explained_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "problem"),
     [("[" * 50_000, "nested too deeply"), ("#" * 100_001, "larger than 100000 bytes")],
 )
-def test_what_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, says):
+def test_a_file_that_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, problem):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(BadInputError) as caught:
         Scenario.load(path)
-    assert str(caught.value) == f"{path}: {says}"
+    assert str(caught.value) == f"{path}: {problem}"

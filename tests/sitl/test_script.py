@@ -82,7 +82,8 @@ def verdict(flight, site, wanted):
         for row in flight.truths[::5]
     ]
     landings = [
-        demonstration._points(site, *way) for way in demonstration._landing_choices(site, wanted)
+        demonstration._points(site, *mission)
+        for mission in demonstration._landing_choices(site, wanted)
     ]
     radius_m = flight.vehicle.radius_m
     return judge(truth, site, radius_m, story.landing_legs_m, landings)
@@ -132,7 +133,7 @@ THREE_LANDINGS = {"exit": ((40.0, 2.5), (44.0, 2.5)), "evacuation": ((-10.0, 2.5
 def test_every_target_and_every_landing_point_of_a_site_is_flown(manner):
     before = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
     more = replace(before.targets[0], name="upper", position_m=(26.5, 16.0), look_at_m=None)
-    landing_m = {way: THREE_LANDINGS.get(way.value, ()) for way in before.landing_m}
+    landing_m = {mission: THREE_LANDINGS.get(mission.value, ()) for mission in before.landing_m}
     site = replace(before, targets=(*before.targets, more), landing_m=landing_m)
     flight, found = flown(site, manner, "all")
     assert found.faults == ()
@@ -153,9 +154,13 @@ def test_every_target_and_every_landing_point_of_a_site_is_flown(manner):
 )
 def test_the_landing_points_are_flown_in_the_order_of_the_site_each_place_once(wanted, orders):
     site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-    site = replace(site, landing_m={way: THREE_LANDINGS[way.value] for way in site.landing_m})
-    ways = [(way.value, index) for way, index in demonstration._landing_choices(site, wanted)]
-    assert ways == orders
+    site = replace(
+        site, landing_m={mission: THREE_LANDINGS[mission.value] for mission in site.landing_m}
+    )
+    choices = [
+        (mission.value, index) for mission, index in demonstration._landing_choices(site, wanted)
+    ]
+    assert choices == orders
 
 
 def test_a_site_of_the_users_is_flown_whole_and_in_calm(tmp_path):

@@ -49,7 +49,7 @@ def _handle(receive, wanted, limit=20_000):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "problem"),
     [
         (["--home", "1,2"], "--home '1,2': must be LAT,LON,ALT or LAT,LON,ALT,YAW"),
         (["--home", "95,2,3"], "latitude within 89"),
@@ -77,13 +77,13 @@ def _handle(receive, wanted, limit=20_000):
         (["--sign-key", __file__], "must hold 32 bytes or 64 hexadecimal digits"),
     ],
 )
-def test_bad_arguments_give_one_line_and_status_2(capsys, arguments, says):
+def test_bad_arguments_give_one_line_and_status_2(capsys, arguments, problem):
     with pytest.raises(SystemExit) as caught:
         read_arguments(arguments)
     assert caught.value.code == 2
-    said = capsys.readouterr().err
-    assert says in said
-    assert said.count("\n") == 1
+    error_text = capsys.readouterr().err
+    assert problem in error_text
+    assert error_text.count("\n") == 1
 
 
 def test_the_defaults_are_px4s_ports_and_home():
@@ -117,7 +117,7 @@ def test_urls(text, url):
     assert str(Url.parse(text)) == url
 
 
-def test_a_stranger_talks_to_the_process_over_real_udp(tmp_path):
+def test_an_unknown_peer_exchanges_packets_with_the_process_over_real_udp(tmp_path):
     log = tmp_path / "truth.csv"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
         end.bind(("127.0.0.1", 0))
@@ -221,10 +221,10 @@ def test_a_port_in_use_is_one_line_and_status_1():
 
 
 @pytest.mark.parametrize(
-    ("place", "says"),
+    ("place", "problem"),
     [("nowhere/truth.csv", "No such file or directory"), ("truth.csv", "File too large")],
 )
-def test_a_truth_log_that_cannot_be_written_is_one_line_and_status_1(tmp_path, place, says):
+def test_a_truth_log_that_cannot_be_written_is_one_line_and_status_1(tmp_path, place, problem):
     path = tmp_path / place
     done = subprocess.run(
         [sys.executable, "-m", "sitl", "--truth", str(path), "--speed", "50",
@@ -236,11 +236,11 @@ def test_a_truth_log_that_cannot_be_written_is_one_line_and_status_1(tmp_path, p
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
     )  # fmt: skip
     assert done.returncode == 1
-    assert done.stderr == f"sitl: --truth {path}: {says}\n"
+    assert done.stderr == f"sitl: --truth {path}: {problem}\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_at_a_speed_beyond_all_bounds_it_can_be_stopped(number):
+def test_at_an_unlimited_speed_the_process_can_be_stopped(number):
     with _running("--speed", "1e300", "--link", "companion=udpout:127.0.0.1:9") as process:
         process.send_signal(number)
         assert process.wait(20) == 0
@@ -253,7 +253,7 @@ def test_at_a_speed_beyond_all_bounds_it_can_be_stopped(number):
         ("sitl.demonstration.__main__", "sitl.demonstration.judge"),
     ],
 )
-def test_an_interrupt_while_it_loads_is_status_1_without_a_word(module, loads):
+def test_an_interrupt_during_loading_is_status_1_without_output(module, loads):
     program = f"""
 import os, signal, sys
 class Interrupt:

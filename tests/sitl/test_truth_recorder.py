@@ -1,4 +1,4 @@
-"""What a real autopilot's simulator says is so: read, written, and handed on."""
+"""The true state from a real autopilot's simulator: read, written and forwarded."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def ardupilots_state():
 
 
 @pytest.mark.parametrize("state", [px4s_state, ardupilots_state])
-def test_both_simulators_tell_place_and_attitude(state):
+def test_both_simulators_report_position_and_attitude(state):
     pose = true_pose(state(), 3.5)
     assert (pose.time_s, pose.altitude_amsl_m) == (3.5, pytest.approx(221.5))
     assert (pose.latitude_deg, pose.longitude_deg) == pytest.approx((45.3781, -71.9295), abs=1e-9)
     assert pose.attitude_rad == pytest.approx(ATTITUDE_RAD)
 
 
-def test_each_state_is_written_and_then_handed_on(tmp_path):
+def test_each_state_is_written_and_then_forwarded(tmp_path):
     (port,) = free_ports(1)
     poses: queue.Queue[TruePose] = queue.Queue()
     path = tmp_path / "truth.csv"

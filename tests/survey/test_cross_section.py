@@ -73,7 +73,7 @@ def test_the_file_is_planned_on(scene, tmp_path):
         assert planner.plan(mission=mission).reason == ""
 
 
-def test_a_tree_stands_on_the_ground_and_no_path_leads_beneath_its_crown(tmp_path):
+def test_a_tree_stands_on_the_ground_and_no_path_passes_below_its_crown(tmp_path):
     scene = Scene(2).with_wires(DOUBLE_CIRCUIT).with_ground().with_tree(100.0, 12.0, 9.0)
     site = loaded(survey(scene), tmp_path)
     trees = [each for each in site.obstacles if isinstance(each, Polygon)]
@@ -88,7 +88,7 @@ def test_a_tree_away_from_the_plane_is_not_in_it(tmp_path):
     assert not [o for o in loaded(survey(scene), tmp_path).obstacles if isinstance(o, Polygon)]
 
 
-def test_what_hangs_in_the_air_is_kept_and_a_lone_point_is_told(tmp_path):
+def test_an_object_in_the_air_is_kept_and_a_lone_point_is_reported(tmp_path):
     scene = Scene(4).with_wires(DOUBLE_CIRCUIT).with_ground()
     scene._add(np.full(30, 100.0), np.linspace(0.0, 1.0, 30), np.full(30, 22.0), -2, 0.05)
     scene._add(np.array([100.0]), np.array([2.0]), np.array([15.0]), -2, 0.0)
@@ -108,7 +108,7 @@ def test_a_tower_in_the_plane_is_one_shape(tmp_path):
     assert max(z for each in towers for _, z in each.vertices_m) > 30.0
 
 
-def test_landing_places_are_even_and_a_wood_has_none(tmp_path):
+def test_landing_places_are_on_even_ground_and_never_in_a_wood(tmp_path):
     scene = Scene(6, length_m=120.0).with_wires(DOUBLE_CIRCUIT).with_ground(width_m=120.0)
     for along in (52.0, 60.0, 68.0):
         for lateral in np.arange(18.0, 55.0, 4.0):
@@ -120,7 +120,7 @@ def test_landing_places_are_even_and_a_wood_has_none(tmp_path):
     assert len([note for note in section.notes if "no landing place" in note]) == 1
 
 
-def test_no_conductor_near_is_told():
+def test_a_line_without_a_near_conductor_is_reported():
     scene = Scene(7).with_ground()
     with pytest.raises(SurveyError, match="no conductor was found"):
         survey(scene)
@@ -139,6 +139,6 @@ def test_bundles_are_two_discs_and_the_standoff_is_of_the_nearer(tmp_path):
     assert nearest == pytest.approx(5.02, abs=0.02)
 
 
-def test_the_text_is_yaml_that_says_the_same():
+def test_the_text_is_yaml_with_the_same_content():
     section = survey(Scene(10).with_wires(DOUBLE_CIRCUIT).with_ground(), name="a: b # c")
     assert yaml.safe_load(site_text(section.document, ["remark: #1"])) == section.document

@@ -61,7 +61,7 @@ def refused(text, ending=".csv"):
 
 @pytest.mark.parametrize("file", SITES, ids=lambda file: file.stem)
 @pytest.mark.parametrize(("ending", "writer"), [(".geojson", None), (".kml", kml_of)])
-def test_a_site_on_the_map_and_back_is_the_site(file, ending, writer, tmp_path):
+def test_a_site_exported_to_the_map_and_imported_is_the_same_site(file, ending, writer, tmp_path):
     shipped = Site.load(file)
     features = features_of_site(shipped, ())
     text = geojson_of(features) if writer is None else writer(shipped.name, features)
@@ -140,11 +140,11 @@ def test_a_tower_is_a_box_up_to_its_height_where_it_stands_in_the_plane(tmp_path
     assert len(far.obstacles) == 2
 
 
-def test_what_is_left_out_is_told_with_its_distance_from_the_plane():
+def test_left_out_objects_are_reported_with_their_distance_from_the_plane():
     text = LINE + row("tower", "T2", 3, 34, 20, 2) + row("target", "clamp", 8, -9, 12)
     drawn = site_of_features(features_of(text, "map", ".csv"), "map", SiteOptions())
-    told = "tower T2, 34 m from the plane", "target clamp, 9 m from the plane"
-    assert drawn.left_out == told
+    reported = "tower T2, 34 m from the plane", "target clamp, 9 m from the plane"
+    assert drawn.left_out == reported
     assert list(drawn.document["targets"]) == ["splice"]
     tower = next(each for each in drawn.marks if each.name == "T2")
     # x = 0 at the target, 8 m east; along the line to the right of x, which is to the south.
@@ -152,7 +152,7 @@ def test_what_is_left_out_is_told_with_its_distance_from_the_plane():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("kind,name\n", "has no column latitude_deg, longitude_deg, altitude_amsl_m"),
         (HEADER + row("wire", "a", 0, 0, 0), "kind is 'wire', must be one of conductor"),
@@ -176,12 +176,12 @@ def test_what_is_left_out_is_told_with_its_distance_from_the_plane():
         (LINE + row("tower", "t", 0, 3, 20, -2), "line 11, radius_m: is -2, must be 0 or more"),
     ],
 )
-def test_what_cannot_be_used_is_named(text, told):
-    assert told in refused(text)
+def test_an_unusable_feature_is_named(text, reported):
+    assert reported in refused(text)
 
 
 @pytest.mark.parametrize(
-    ("text", "ending", "told"),
+    ("text", "ending", "reported"),
     [
         ("{", ".geojson", "is no JSON"),
         ("[]", ".geojson", "must be a GeoJSON FeatureCollection"),
@@ -215,8 +215,8 @@ def test_what_cannot_be_used_is_named(text, told):
         ),
     ],
 )
-def test_files_that_are_none_are_told(text, ending, told):
-    assert told in refused(text, ending)
+def test_files_of_another_format_are_reported(text, ending, reported):
+    assert reported in refused(text, ending)
 
 
 def test_a_mission_of_qgroundcontrol_has_the_corners_and_waits_at_the_target(tmp_path):
