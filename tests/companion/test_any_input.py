@@ -435,10 +435,10 @@ def check(examples):
     )
 
 
-def test_no_sequence_of_inputs_makes_it_send_what_it_must_not():
+def test_no_sequence_of_inputs_makes_the_companion_send_a_forbidden_packet():
     check(3)
 
 
 @pytest.mark.slow
-def test_no_long_search_finds_one_either():
+def test_no_long_search_finds_a_sequence_that_makes_the_companion_send_a_forbidden_packet():
     check(sampled(8, 60))

@@ -49,7 +49,7 @@ ARM, GIMBAL = 400, 1000
         (PAUSE_CONTINUE, 1, "continue", TEMPORARILY_REJECTED),
     ],
 )
-def test_as_long_and_as_int_a_command_is_carried_out_once_and_answered_once(
+def test_a_command_as_long_or_int_is_carried_out_once_and_answered_once(
     command, parameter, order, result
 ):
     for pack in (Peer.command, Peer.command_int):
@@ -110,7 +110,7 @@ def test_parameters_that_mean_nothing_here_may_be_nan():
         ((2, 0), RELEASE, None),
     ],
 )
-def test_ours_is_answered_wherever_it_reaches_us_the_rest_only_when_it_names_us(
+def test_own_commands_are_answered_on_every_link_others_only_when_they_name_the_companion(
     target, command, result
 ):
     words = (USER_1, RELEASE) if command == RELEASE else (command, NAN)

@@ -151,7 +151,7 @@ def refused(start_m, mission=Mission.EXIT, **changes):
     return pilot_text(answer.reason, "denied")
 
 
-def test_where_no_leg_leads_on_the_pilot_is_told_where_to_fly():
+def test_where_no_leg_is_free_the_pilot_receives_the_direction_to_fly():
     """In a cage 2 m wide, which no hull and margin leave, outside on either side, and inside."""
     known = planners("315kv_double_circuit", autopilots.PX4)
     conductor = known.exact.site.obstacles[0]

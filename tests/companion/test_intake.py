@@ -31,7 +31,7 @@ def selected(intake, *arrived, now_s=0.0):
     return intake.selected(items, precedence, now_s)
 
 
-def test_what_is_within_the_budget_is_all_read_in_the_order_of_arrival():
+def test_all_data_within_the_budget_is_read_in_the_order_of_arrival():
     items = [(3.0, b"c", STATION), (1.0, b"a", ("other", 1)), (2.0, b"b", AUTOPILOT)]
     intake = Intake()
     assert [item[2] for item in selected(intake, *items)] == [b"a", b"b", b"c"]
@@ -73,7 +73,7 @@ def test_a_peer_is_read_before_strangers_and_a_quiet_peer_before_one_that_floods
     assert sum(max(64, len(item[2])) for item in kept) <= BUDGET_BYTES
 
 
-def test_what_is_dropped_is_told_at_once_and_then_every_half_minute():
+def test_dropped_data_is_reported_at_once_and_then_every_half_minute():
     intake, much = Intake(), bytes(BUDGET_BYTES + 1)
     selected(intake, (1.0, much, FLOODER))
     assert intake.texts(1.0) == [f"1 datagram too many ({LINK})"]

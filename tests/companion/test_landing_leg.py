@@ -75,7 +75,7 @@ def room_m(desk):
 
 
 @pytest.mark.parametrize("battery_percent", [90, 15])
-def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent):
+def test_after_a_short_hold_for_room_the_flight_resumes_along_the_leg(desk, battery_percent):
     """Also where an escape route goes before the hold: an empty battery must not wait for ever."""
     assert WELL_M < room_m(desk) + 0.9 < TOO_NARROW_M
     desk.set(battery_percent=battery_percent, plan_delay_s=None).run(4.5)
@@ -89,7 +89,7 @@ def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent)
 
 
 @pytest.mark.parametrize(("battery_percent", "flown_to"), [(90, "landing_leg"), (15, "holding")])
-def test_where_it_stays_too_narrow_it_leaves_by_a_way_with_more_room(
+def test_where_room_stays_too_small_the_aircraft_leaves_by_a_wider_route(
     desk, battery_percent, flown_to
 ):
     desk.set(battery_percent=battery_percent).run(4.5).set(accuracy_m=TOO_NARROW_M)
@@ -101,7 +101,7 @@ def test_where_it_stays_too_narrow_it_leaves_by_a_way_with_more_room(
 
 
 @pytest.mark.parametrize("end", ["taken back", "denied"])
-def test_an_order_that_has_stopped_it_and_comes_to_nothing_lets_it_go_on(desk, end):
+def test_an_order_that_stopped_the_aircraft_and_fails_lets_the_leg_resume(desk, end):
     desk.plan_delay_s = 1.0  # too late to be joined: it comes to rest for the next one
     desk.order(INSPECTION).run(1.8)
     assert moving(desk, 0.1) == 0.0
@@ -118,7 +118,7 @@ def test_an_order_that_has_stopped_it_and_comes_to_nothing_lets_it_go_on(desk, e
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
-def test_a_jump_beside_the_leg_is_faded_back_before_it_goes_on(desk):
+def test_a_jump_beside_the_leg_is_faded_back_before_the_flight_resumes(desk):
     desk.jump(0.0, 0.0, 0.25).run(0.2)
     desk.pause().run(1.0)
     place = desk.setpoints()[-1]
@@ -188,7 +188,7 @@ def given_back(desk):
 
 
 @pytest.mark.parametrize(("order", "beside_m"), [("exit", 1.2), ("continue", 0.0)])
-def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(order, beside_m):
+def test_a_leg_that_a_pilot_has_interrupted_is_continued_from_near_it(order, beside_m):
     desk = taken_over(0.0, 0.0, -beside_m)
     asked, place_m = len(desk.jobs), along_m(desk)
     if order == "exit":
@@ -203,7 +203,7 @@ def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(or
 
 
 @pytest.mark.parametrize(("battery_percent", "behind_m"), [(90, 0.3), (90, 0.6), (8, 0.6)])
-def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_beside_its_setpoint(
+def test_a_resumed_leg_continues_with_an_aircraft_that_the_wind_holds_beside_its_setpoint(
     battery_percent, behind_m
 ):
     """Also by the escape route of a critical battery, which no operator orders."""
@@ -220,7 +220,7 @@ def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_bes
     assert moving(desk, 1.0) == 1.0
 
 
-def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew():
+def test_from_farther_off_the_leg_the_aircraft_returns_and_exits_again():
     desk = taken_over(0.0, 0.0, -3.0)
     asked = len(desk.jobs)
     desk.order(EXIT).run_until("ready", 2.0)
@@ -228,7 +228,7 @@ def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew():
     assert desk.answered[-1][1].escape_m
 
 
-def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg():
+def test_an_order_that_is_denied_while_overridden_keeps_the_leg():
     desk = taken_over(0.0, 0.0, 0.0)
     asked = len(desk.jobs)
     desk.plan_delay_s = None
@@ -253,7 +253,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg():
     assert len(desk.jobs) == asked + 1
 
 
-def test_under_engage_a_pilot_who_orders_the_rest_of_the_leg_is_told_to_give_the_mode():
+def test_under_engage_an_order_for_the_rest_of_the_leg_waits_for_the_pilot_to_give_the_mode():
     desk = on_its_leg(authority=Authority.ENGAGE)
     desk.say_heartbeat(AUTO_HOLD).run(3.0)
     assert desk.state == "overridden"

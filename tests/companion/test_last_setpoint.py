@@ -95,7 +95,7 @@ def ends_at_rest(desk, way):
     assert math.dist(place(last), place(before)) < 1e-6
 
 
-def test_every_way_in_which_the_supervisor_releases_is_here():
+def test_every_release_of_the_supervisor_is_listed_here():
     rows = {row.name: row.last_setpoint for row in CONDITIONS if row.action is Action.RELEASE}
     assert rows.keys() <= {*ORDERLY, *AT_ONCE, *ELSEWHERE}
     assert {name for name in ORDERLY if name in rows and not rows[name]} == set()
@@ -118,7 +118,7 @@ def test_whenever_a_flight_ends_in_order_its_last_setpoint_stands(way, kind, mis
 
 @pytest.mark.parametrize("way", ORDERLY)
 @pytest.mark.parametrize("state", sorted(STREAMING - {MissionState.FLYING}))
-def test_in_every_other_state_too(state, way):
+def test_a_flight_that_ends_in_order_in_another_state_has_a_last_setpoint_at_rest(state, way):
     if state is MissionState.HOLDING:
         desk = Desk().come_to("flying", then_s=3.0).pause().run(0.1)
     else:
@@ -130,7 +130,7 @@ def test_in_every_other_state_too(state, way):
 
 
 @pytest.mark.parametrize("way", AT_ONCE)
-def test_what_is_not_orderly_ends_without_another_setpoint(way):
+def test_a_flight_that_does_not_end_in_order_sends_no_further_setpoint(way):
     desk = Desk().come_to("flying", then_s=3.0).run_to_heartbeat()
     assert speed_mps(desk.setpoints()[-1]) > 0.0
     before = len(desk.setpoints())
@@ -143,7 +143,7 @@ def test_what_is_not_orderly_ends_without_another_setpoint(way):
 
 @pytest.mark.parametrize("jump_ned_m", [(0.0, 8.0, 0.0), (5.0, 0.0, 0.0), (0.0, 0.0, 8.0)])
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT])
-def test_where_no_setpoint_may_be_any_more_the_last_one_stands_where_the_aircraft_is(
+def test_where_setpoints_are_no_longer_permitted_the_last_one_is_at_the_aircraft(
     mission, jump_ned_m
 ):
     desk = Desk().come_to("flying", mission, then_s=2.0).run_to_position()
@@ -169,14 +169,14 @@ OFFERS = {
 
 
 @pytest.mark.parametrize("way", OFFERS)
-def test_an_offer_that_ends_has_stood_all_the_time(way):
+def test_an_offer_that_ends_has_sent_only_setpoints_at_rest(way):
     desk = Desk().come_to("ready", then_s=1.0)
     OFFERS[way](desk)
     assert {speed_mps(setpoint) for setpoint in silent(desk)} == {0.0}
     assert desk.state == "idle"
 
 
-def test_a_landing_that_the_autopilot_takes_over_follows_a_setpoint_at_rest():
+def test_a_landing_by_the_autopilot_follows_a_setpoint_at_rest():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=3.0)
     assert [request.param3 for request in desk.mode_requests()][-1] == 6
     desk.say_heartbeat(LAND)

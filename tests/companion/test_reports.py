@@ -7,7 +7,7 @@ from moar_companion.mission_states import MissionState
 from .desk import OFFBOARD, Desk
 
 
-def test_the_heartbeat_tells_the_mission_state_by_its_place_in_the_contract():
+def test_the_heartbeat_carries_the_number_of_the_mission_state():
     desk = Desk().come_to("idle", then_s=1.1)
     told = [desk.messages("HEARTBEAT")[-1].custom_mode]
     desk.come_to("ready", then_s=1.1)
@@ -18,7 +18,7 @@ def test_the_heartbeat_tells_the_mission_state_by_its_place_in_the_contract():
     assert [state.number for state in MissionState] == list(range(9))
 
 
-def test_a_state_that_is_entered_again_is_told_again():
+def test_a_state_that_is_entered_again_is_reported_again():
     """A ground station shows the last text: it must not go on showing `holding`."""
     desk = Desk().come_to("flying", then_s=1.0)
     desk.pause().run(1.0).go_on().run(1.0).pause().run(1.0).go_on().run(1.0)

@@ -33,7 +33,7 @@ class Aircraft:
         return self.risk_monitor.saturated
 
 
-def test_motors_at_their_end_are_saturated_while_they_are_told():
+def test_motors_at_their_limit_count_as_saturated_while_their_output_is_reported():
     aircraft = Aircraft()
     assert aircraft.fly(3.0)
     aircraft.silent = {"motors"}

@@ -28,7 +28,7 @@ from .desk import (
 
 
 @pytest.mark.parametrize("vehicle_type", [1, 20])
-def test_a_plane_is_told_no_mission(vehicle_type):
+def test_a_mission_for_a_vehicle_that_is_no_multirotor_is_rejected(vehicle_type):
     """It would not hold a setpoint that stands still."""
     desk = Desk()
     desk.vehicle_type = vehicle_type
@@ -52,7 +52,7 @@ def test_the_first_thing_ever_sent_is_a_heartbeat():
         assert (beat.get_srcSystem(), beat.get_srcComponent()) == (1, 195)
 
 
-def test_its_heartbeat_says_active_while_it_streams_and_standby_otherwise():
+def test_the_heartbeat_is_active_while_the_companion_streams_and_standby_otherwise():
     desk = Desk().run(2.0)
     assert desk.messages("HEARTBEAT")[-1].system_status == 3
     desk.order(INSPECTION).run(2.0)
@@ -75,7 +75,7 @@ def test_its_heartbeat_says_active_while_it_streams_and_standby_otherwise():
         ),
     ],
 )
-def test_what_is_stale_ends_the_stream_and_its_return_begins_nothing(
+def test_stale_telemetry_ends_the_stream_and_its_return_starts_nothing(
     state, case, mute, limit_s, words
 ):
     desk = Desk()
@@ -113,7 +113,7 @@ def test_a_position_gap_shorter_than_the_limit_is_flown_through():
     assert desk.state == "flying"
 
 
-def test_the_pilots_mode_is_obeyed_at_once():
+def test_a_mode_change_by_the_pilot_ends_the_stream_at_once():
     desk = Desk().come_to("flying", then_s=3.0)
     desk.say_heartbeat(POSCTL)
     took = desk.now_s
@@ -128,7 +128,7 @@ def test_the_pilots_mode_is_obeyed_at_once():
     assert desk.setpoints(took)
 
 
-def test_with_resume_the_mode_given_back_is_flown_from_where_the_aircraft_is():
+def test_with_resume_the_flight_continues_from_the_aircrafts_place_when_the_mode_returns():
     desk = Desk(resume=True).come_to("flying", then_s=5.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     north, east, down = desk.position_ned_m
@@ -144,7 +144,7 @@ def test_with_resume_the_mode_given_back_is_flown_from_where_the_aircraft_is():
 
 
 @pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
-def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
+def test_an_autopilot_failsafe_ends_the_stream_and_its_end_restarts_nothing(state):
     desk = Desk().come_to(state)
     desk.say_heartbeat(AUTO_HOLD, CRITICAL)
     began = desk.now_s
@@ -157,7 +157,7 @@ def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
     assert not desk.setpoints(began)
 
 
-def test_a_failsafe_heard_in_the_instant_of_the_plan_streams_nothing():
+def test_a_failsafe_received_in_the_cycle_of_the_plan_streams_nothing():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
     desk.say_heartbeat(AUTO_HOLD, CRITICAL).answer_plan()
     desk.system_status = CRITICAL
@@ -200,7 +200,7 @@ def test_a_second_autopilot_in_flight_ends_the_stream():
     assert not desk.setpoints(began + 0.1)
 
 
-def test_a_ground_station_and_a_camera_are_no_autopilots():
+def test_a_ground_station_and_a_camera_do_not_count_as_autopilots():
     desk = Desk().come_to("flying")
     for system, component, kind in ((255, 190, 6), (1, 100, 30), (1, 195, 18)):
         peer = Peer(system, component)
@@ -224,7 +224,7 @@ def test_the_hold_is_offered_for_thirty_seconds():
     assert desk.said("the mode was not given")
 
 
-def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_heard():
+def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_received():
     desk = Desk().come_to("ready")
     began = desk.now_s
     desk.run(29.0).run_to_heartbeat()
@@ -249,7 +249,7 @@ def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
     assert desk.said("the aircraft has left its place")
 
 
-def test_too_far_from_the_plane_nothing_is_begun():
+def test_too_far_from_the_plane_an_order_is_rejected():
     desk = Desk()
     desk.position_ned_m = (3.0, 0.0, -3.0)  # the plane runs east
     desk.run(1.2).order(INSPECTION).run(0.5)
@@ -257,7 +257,7 @@ def test_too_far_from_the_plane_nothing_is_begun():
     assert desk.said("3.0 m N of plane > 2, rejected")
 
 
-def test_a_little_beside_the_plane_is_flown_from_there_into_it():
+def test_an_aircraft_slightly_beside_the_plane_flies_from_there_into_the_plane():
     desk = Desk()
     desk.position_ned_m = (1.5, 0.0, -3.0)
     desk.come_to("flying")
@@ -313,7 +313,7 @@ def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
 
 
 @pytest.mark.parametrize("mission", [INSPECTION, EVACUATION])
-def test_a_mode_that_is_left_and_given_back_between_two_cycles_ends_our_control(mission):
+def test_a_mode_that_is_left_and_returns_between_two_cycles_ends_control(mission):
     desk = Desk().come_to("flying", mission, then_s=4.0)
     left = desk.now_s
     desk.say_heartbeat(POSCTL).say_heartbeat(OFFBOARD).run(2.0)
@@ -334,7 +334,7 @@ def test_nothing_is_resumed_after_the_autopilots_restart_in_the_air():
     assert not desk.setpoints(restarted)
 
 
-def test_what_was_held_is_not_resumed():
+def test_a_held_mission_is_not_resumed_after_a_takeover():
     desk = Desk(resume=True).come_to("flying", then_s=4.0).pause().run(2.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     took = desk.now_s
@@ -343,7 +343,7 @@ def test_what_was_held_is_not_resumed():
     assert not desk.setpoints(took)
 
 
-def test_what_is_done_is_not_resumed():
+def test_a_completed_mission_is_not_resumed_after_a_takeover():
     desk = Desk(resume=True).come_to("holding")
     desk.say_heartbeat(POSCTL).run(2.0).say_heartbeat(OFFBOARD).run(5.0)
     assert desk.state == "overridden"
@@ -365,21 +365,21 @@ def at_the_end(behind_m):
     return desk
 
 
-def test_it_arrives_only_when_the_aircraft_does():
+def test_the_target_is_reached_only_when_the_aircraft_reaches_it():
     desk = at_the_end(0.8).run(2.0)
     assert desk.state == "flying"
     desk.fall_behind(0.0, 0.3, 0.0)
     assert desk.state == "at_target"
 
 
-def test_it_arrives_all_the_same_where_the_aircraft_stays_a_little_off():
+def test_the_target_is_reached_when_the_aircraft_stays_slightly_beside_its_setpoint():
     desk = at_the_end(0.8).run(4.9)
     assert desk.state == "flying"
     desk.run(0.2)
     assert desk.state == "at_target"
 
 
-def test_not_where_it_stays_farther_off_than_it_is_held():
+def test_the_target_is_not_reached_when_the_aircraft_stays_far_from_its_setpoint():
     desk = at_the_end(0.8).fall_behind(0.0, 1.6, 0.0).run(20.0)
     assert not desk.said("MOAR: at target")
     assert desk.said("MOAR: no progress, 1.6 m from setpoint")
@@ -395,7 +395,7 @@ def test_the_nose_does_not_turn_before_the_aircraft_follows():
     assert max(map(abs, turned)) <= desk.vehicle.guidance.yaw_rate_radps * 0.02 + 1e-6
 
 
-def test_a_shorter_limit_is_kept_too():
+def test_a_shorter_position_timeout_is_kept():
     desk = Desk(supervision=Supervision(position_timeout_s=0.2)).come_to("flying")
     desk.mute = {"LOCAL_POSITION_NED"}
     desk.run(0.3)
@@ -446,7 +446,7 @@ def test_shutting_down_with_old_data_sends_no_last_setpoint():
     assert not desk.setpoints(began)
 
 
-def test_the_last_setpoint_is_where_the_one_before_was_wherever_the_aircraft_is():
+def test_the_last_setpoint_is_at_the_previous_one_wherever_the_aircraft_is():
     desk = Desk().come_to("flying", then_s=3.0)
     desk.fall_behind(0.0, 0.4, 0.0)
     before = desk.setpoints()[-1]
@@ -457,7 +457,7 @@ def test_the_last_setpoint_is_where_the_one_before_was_wherever_the_aircraft_is(
 
 
 @pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
-def test_after_a_pause_of_the_shell_nothing_is_sent_any_more(state):
+def test_after_a_pause_of_the_shell_no_setpoint_is_sent(state):
     desk = Desk().come_to(state)
     began = desk.now_s
     desk.step(1.5)  # what was in the sockets meanwhile is old, and looks new

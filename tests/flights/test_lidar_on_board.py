@@ -31,7 +31,7 @@ def hovering(site):
     return flight
 
 
-def test_what_it_sees_is_on_the_maps_before_an_order_and_its_silence_is_noticed():
+def test_seen_obstacles_are_on_the_maps_before_an_order_and_a_silent_lidar_is_detected():
     flight = hovering(SITE)
     assert flight.lidar.reports == []
     flight.run(3.5)

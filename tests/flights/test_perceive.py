@@ -25,7 +25,7 @@ def test_a_seed_is_always_the_same_flight():
     assert draw(7) != draw(8)
 
 
-def test_the_companion_is_told_no_obstacle_and_a_rough_target():
+def test_the_companions_site_has_no_obstacle_and_a_rough_target():
     for drawn in DRAWS:
         (target,) = drawn.site.targets
         assert drawn.site.obstacles == ()
@@ -66,7 +66,7 @@ def test_distances_to_wires_solids_and_trees():
 
 
 @pytest.mark.slow
-def test_a_wire_on_the_straight_way_is_seen_and_passed():
+def test_a_wire_on_the_straight_path_is_seen_and_passed():
     flight = fly(2)
     assert flight.draw.added == "wire"
     assert flight.why == ""
@@ -78,7 +78,7 @@ def test_a_wire_on_the_straight_way_is_seen_and_passed():
 
 
 @pytest.mark.slow
-def test_random_flights_touch_nothing_and_are_told(tmp_path, capsys):
+def test_random_flights_have_no_collision_and_are_written_as_rows(tmp_path, capsys):
     seeds = sampled(range(7, 8), range(1, 8))
     given = f"{seeds.start}:{seeds.stop}"
     assert command.main(["--seeds", given, "--out", str(tmp_path)]) == 0

@@ -30,7 +30,7 @@ def longest_pause_s(rig):
 
 @real_time
 @pytest.mark.parametrize(("pause_s", "goes_on"), [(0.3, True), (1.0, False), (3.0, False)])
-def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
+def test_after_a_pause_no_old_setpoint_is_sent(rig, pause_s, goes_on):
     rig.fly()
     before = rig.tap.setpoints[-1]
     with rig.service.stopped() as stopped_s:
@@ -53,7 +53,7 @@ def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
 
 
 @real_time
-def test_paused_at_any_moment_of_a_cycle_it_sends_nothing_old(rig):
+def test_a_service_paused_at_any_moment_of_a_cycle_sends_no_old_setpoint(rig):
     rig.fly()
     moments = random.Random(3)
     for _ in range(20):

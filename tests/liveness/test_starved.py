@@ -57,7 +57,7 @@ def confine(process, processors):
 
 @real_time
 @pytest.mark.parametrize(("hogs", "nice"), [(3, 0), (6, -19)])
-def test_starved_it_streams_in_time_or_not_at_all(rig, hogs, nice):
+def test_a_starved_service_streams_in_time_or_not_at_all(rig, hogs, nice):
     rig.fly()
     rig.watch(1.0)
     begun_s = rig.tap.setpoints[-1].sent_s

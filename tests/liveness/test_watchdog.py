@@ -54,7 +54,7 @@ def fed_s(hears, count):
     return times_s
 
 
-def test_it_is_fed_twice_in_its_time_and_not_while_no_cycle_ends(tmp_path):
+def test_the_watchdog_is_fed_twice_per_period_and_not_while_no_cycle_ends(tmp_path):
     with watched(tmp_path, WATCHDOG_USEC=f"{TIMEOUT_S * 1e6:.0f}") as (service, hears):
         times_s = fed_s(hears, 4)
         assert all(later - earlier < TIMEOUT_S for earlier, later in pairwise(times_s))
@@ -73,7 +73,7 @@ def test_it_is_fed_twice_in_its_time_and_not_while_no_cycle_ends(tmp_path):
 
 
 @real_time
-def test_one_that_hangs_in_flight_is_started_anew_tells_what_was_flown_and_waits(rig, tmp_path):
+def test_a_service_that_hangs_in_flight_is_restarted_reports_its_mission_and_waits(rig, tmp_path):
     rig.service.end(signal.SIGKILL)
     rig.operator.companion_received = False
     with Manager(rig.service, tmp_path) as manager:

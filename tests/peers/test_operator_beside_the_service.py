@@ -22,7 +22,7 @@ def said(done):
     return done.stdout.splitlines()
 
 
-def test_on_the_ground_it_is_heard_and_orders_are_refused_with_the_reason(tmp_path):
+def test_on_the_ground_the_companion_is_received_and_orders_are_refused_with_the_reason(tmp_path):
     with companion_beside_autopilot(tmp_path) as (port, _):
         status = ordered(port, "status", "--timeout", "20")
         refused = ordered(port, "inspection")

@@ -79,7 +79,7 @@ def test_a_whole_mission_is_flown_though_three_packets_in_ten_are_lost(manner, d
 
 @BOTH
 @pytest.mark.parametrize("later_s", [0.0, 0.33, 0.66])
-def test_a_takeover_is_noticed_within_a_fifth_of_a_second(manner, later_s):
+def test_a_takeover_is_detected_within_a_fifth_of_a_second(manner, later_s):
     flight = in_flight(manner)
     flight.run(later_s)
     took_s = flight.now_s
@@ -90,7 +90,7 @@ def test_a_takeover_is_noticed_within_a_fifth_of_a_second(manner, later_s):
 
 
 @BOTH
-def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner):
+def test_a_takeover_is_detected_on_a_link_that_loses_three_packets_in_ten(manner):
     """All but one of 15 takeovers, at different times, end the stream within 0.2 s."""
     before = in_flight(manner)
     worsen_link(before)
@@ -109,7 +109,7 @@ def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner)
 
 
 @BOTH
-def test_a_mode_that_is_told_no_more_ends_control_while_other_packets_arrive(manner):
+def test_missing_mode_reports_end_control_while_other_packets_arrive(manner):
     """Mode reports are lost; the position still arrives."""
     flight = in_flight(manner)
     handle = flight.handle
@@ -125,7 +125,7 @@ def test_a_mode_that_is_told_no_more_ends_control_while_other_packets_arrive(man
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
 
 
-def test_an_armed_state_that_is_told_no_more_ends_control_while_the_mode_is_told():
+def test_missing_armed_state_reports_end_control_while_the_mode_is_reported():
     """PX4 tells the mode by CURRENT_MODE, too; HEARTBEAT alone tells whether it is armed."""
     flight = in_flight(Manner.PX4)
     handle = flight.handle

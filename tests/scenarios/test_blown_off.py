@@ -73,7 +73,7 @@ def outside_m(flight) -> float:
 
 
 @ARDUPILOT_FIRST
-def test_the_setpoint_goes_along_and_the_pilot_is_told(manner):
+def test_the_setpoint_follows_the_aircraft_and_the_pilot_receives_a_text(manner):
     flight = blown_off(manner)
     assert outside_m(flight) > 6.0
     assert error_m(flight) <= 1.0
@@ -85,7 +85,7 @@ def test_the_setpoint_goes_along_and_the_pilot_is_told(manner):
 
 
 @ARDUPILOT_FIRST
-def test_when_the_wind_falls_it_comes_back_at_its_own_speed_and_goes_on_once_it_is_back(manner):
+def test_after_the_wind_the_aircraft_returns_at_its_own_speed_and_the_mission_resumes(manner):
     flight = blown_off(manner)
     flight.autopilot.conditions.wind_mps = 0.0
     calmed_s = flight.now_s
@@ -111,7 +111,7 @@ def test_when_the_wind_falls_it_comes_back_at_its_own_speed_and_goes_on_once_it_
     ("manner", "mission"),
     sampled([(Manner.ARDUPILOT, EVACUATION)], [(Manner.PX4, EXIT), (Manner.ARDUPILOT, EVACUATION)]),
 )
-def test_an_escape_route_is_flown_from_where_it_was_blown(manner, mission):
+def test_an_escape_route_is_flown_from_the_place_where_the_wind_took_the_aircraft(manner, mission):
     flight = blown_off(manner)
     flight.autopilot.conditions.wind_mps = 0.0
     flight.run(4.0)
@@ -129,7 +129,7 @@ def test_an_escape_route_is_flown_from_where_it_was_blown(manner, mission):
 
 
 @ARDUPILOT_FIRST
-def test_an_inspection_is_refused_by_the_wind_while_it_drifts(manner):
+def test_an_inspection_is_rejected_because_of_the_wind_while_the_aircraft_drifts(manner):
     flight = blown_off(manner)
     flight.operator.mission(INSPECTION)
     flight.run(1.0)
@@ -138,7 +138,7 @@ def test_an_inspection_is_refused_by_the_wind_while_it_drifts(manner):
     assert error_m(flight) <= 1.0
 
 
-def test_too_far_out_an_order_is_refused_with_the_distance():
+def test_too_far_outside_an_order_is_refused_with_the_distance():
     flight = blown_off(Manner.ARDUPILOT)
     flight.run(22.0)
     flight.autopilot.conditions.wind_mps = 0.0
@@ -152,7 +152,7 @@ def test_too_far_out_an_order_is_refused_with_the_distance():
     )
 
 
-def test_across_the_plane_it_comes_straight_back_to_it():
+def test_blown_off_across_the_plane_the_aircraft_returns_straight_to_it():
     """From the side: 13 m/s across."""
     flight = blown_off(Manner.ARDUPILOT, 340.0)
     assert abs(flight.companion.pose.position_m[1]) > 9.0

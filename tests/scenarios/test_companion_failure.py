@@ -124,7 +124,7 @@ def failures(name, *, every_s, site="315kv_double_circuit", wind_mps=0.0, **opti
 
 
 @pytest.mark.parametrize("name", ["PX4 holds after 0.5 s", "ArduPilot holds after 3 s"])
-def test_wherever_it_fails_on_an_inspection_nothing_is_touched(name):
+def test_a_companion_failure_anywhere_on_an_inspection_causes_no_collision(name):
     sweep = failures(name, every_s=2.0, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.count > 5
@@ -153,7 +153,7 @@ SOFT = ["ArduPilot brakes softly", "PX4 brakes softly at once"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(SOFT[:1], SOFT))
-def test_nor_where_the_autopilot_brakes_softly(name):
+def test_a_companion_failure_with_soft_braking_causes_no_collision(name):
     sweep = failures(name, every_s=EVERY_S, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.fly(EXIT)
@@ -162,7 +162,9 @@ def test_nor_where_the_autopilot_brakes_softly(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "site", "wind_mps"), sampled(FLOWN, FLOWN + MORE))
-def test_wherever_it_fails_on_any_mission_that_is_accepted(name, site, wind_mps):
+def test_a_companion_failure_anywhere_on_any_accepted_mission_causes_no_collision(
+    name, site, wind_mps
+):
     out = failures(name, every_s=EVERY_S, site=site, vehicle="x500", wind_mps=wind_mps)
     out.fly(INSPECTION, 0)
     away = copy_of(out)
@@ -190,13 +192,13 @@ def test_a_landing_on_a_conductor_is_denied_with_the_remedy():
     assert sweep.flight.operator.has_received("PX4 would hit right-lower")
 
 
-def test_an_autopilot_that_cannot_follow_is_not_led():
+def test_a_mission_for_an_autopilot_that_cannot_follow_is_denied():
     sweep = failures("ArduPilot cannot follow", every_s=math.inf, vehicle="x500")
     assert not sweep.fly(INSPECTION, 1)
     assert sweep.flight.operator.has_received("ArduPilot brakes ")
 
 
-def test_where_it_is_configured_so_the_same_is_warned_about_and_flown():
+def test_with_the_warn_policy_the_same_missions_are_flown_with_a_warning():
     manner, parameters = SETS["PX4 returns after 1 s"]
     supervision = Supervision(loss_action=LossCheck.WARN)
     flight = hovering(options={"parameters": parameters}, manner=manner, supervision=supervision)
@@ -217,7 +219,7 @@ def cut_off(flight):
 
 
 @pytest.mark.parametrize(("manner", "end"), [(Manner.PX4, released), (Manner.ARDUPILOT, cut_off)])
-def test_the_last_setpoint_of_an_orderly_silence_stands(manner, end):
+def test_the_last_setpoint_of_an_orderly_end_is_at_rest(manner, end):
     flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)
     flight.run(3.0)

@@ -26,13 +26,13 @@ CAPACITY_WH = 90.0
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", sampled([AGAINST_THE_WIND[0]], [*EXITS, *AGAINST_THE_WIND]))
-def test_after_a_minute_the_energy_of_what_is_to_be_flown_is_known(case):
+def test_after_a_minute_the_energy_of_the_planned_flight_is_estimated(case):
     flown = fly(case)
     assert flown.error == pytest.approx(0.0, abs=0.1)
     assert flown.source in {"current", "charge"}
 
 
-def test_a_battery_that_drains_is_left_while_that_is_possible():
+def test_an_escape_route_begins_while_a_draining_battery_still_suffices():
     x500 = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
     # It drains four times as fast as the file says: 45 % are not two minutes, one of which is to be
     # left in the end.

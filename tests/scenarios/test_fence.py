@@ -78,7 +78,7 @@ def test_an_exit_through_the_circle_is_denied_with_its_name_and_value(manner):
     texts_are_short(flight)
 
 
-def test_a_fence_that_a_switch_has_enabled_is_kept_though_the_parameters_say_none():
+def test_a_fence_that_a_switch_has_enabled_is_kept_although_the_parameters_have_none():
     """ArduPilot's DO_FENCE_ENABLE, mission item or RC switch changes no parameter."""
     manner = Manner.ARDUPILOT
     flight = fenced(manner, {**CIRCLE[manner](10.0), "FENCE_ENABLE": 0})
@@ -111,7 +111,7 @@ WITHOUT_AND_WITH = [
     ("manner", "parameters", "lowest_m", "highest_m"),
     sampled(WITHOUT_AND_WITH[:2], WITHOUT_AND_WITH),
 )
-def test_under_a_ceiling_another_way_is_flown(manner, parameters, lowest_m, highest_m):
+def test_under_a_ceiling_another_path_is_flown(manner, parameters, lowest_m, highest_m):
     """Past two conductors: above both it is safer than between them."""
     base = Lockstep().site
     conductors = tuple(
@@ -165,7 +165,7 @@ def polygon(flight, corners_m, command=POLYGON_INCLUSION):
 
 
 @BOTH
-def test_uploaded_areas_count_although_nobody_tells_of_them(manner):
+def test_uploaded_areas_count_without_a_notification(manner):
     """A polygon first; then one that lets all through, and a circle around the exit's landing."""
     parameters = {} if manner is Manner.PX4 else {"FENCE_ENABLE": 1, "FENCE_TYPE": 4}
     flight = fenced(manner, parameters)
@@ -189,12 +189,12 @@ def test_uploaded_areas_count_although_nobody_tells_of_them(manner):
     assert_nothing_was_touched(flight)
 
 
-def test_in_a_fence_without_an_action_it_is_planned_all_the_same():
+def test_a_fence_without_an_action_is_kept_in_planning():
     flight = fenced(Manner.PX4, {"GF_MAX_HOR_DIST": 10.0, "GF_ACTION": 0})
     assert refused(flight, EXIT) == "MOAR: fence GF_MAX_HOR_DIST 10 m, denied"
 
 
-def test_an_aircraft_outside_is_led_in():
+def test_an_exit_from_outside_the_fence_flies_back_inside():
     """The fence has no action; it is drawn in behind the aircraft."""
     flight = fenced(Manner.PX4, {"GF_MAX_HOR_DIST": 100.0, "GF_ACTION": 1})
     flight.begin(INSPECTION, 0)
@@ -209,7 +209,7 @@ def test_an_aircraft_outside_is_led_in():
     assert_nothing_was_touched(flight)
 
 
-def test_nothing_is_begun_until_the_fence_is_read():
+def test_no_mission_starts_before_the_fence_is_read():
     flight = Lockstep(options={"parameters": {"GF_MAX_HOR_DIST": 10.0}})
     flight.deaf = True
     flight.take_off()
@@ -220,7 +220,7 @@ def test_nothing_is_begun_until_the_fence_is_read():
     assert ACCEPTED not in flight.operator.answers()
 
 
-def test_home_of_the_flight_is_where_the_fence_is_centred():
+def test_the_fence_is_centred_on_the_home_of_the_flight():
     """Taken off elsewhere, the same radius lets the exit through."""
     flight = fenced(Manner.PX4, CIRCLE[Manner.PX4](20.0))
     flight.operator.mission(EXIT)

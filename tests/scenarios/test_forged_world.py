@@ -124,7 +124,7 @@ def told(flight, cause):
 
 @pytest.mark.parametrize("late_s", [0.3, 0.6, 0.9])
 @BOTH
-def test_a_position_that_is_heard_again_late_moves_no_setpoint(manner, late_s):
+def test_a_position_that_is_received_again_late_moves_no_setpoint(manner, late_s):
     flight = in_flight(manner)
     intruder = Intruder(flight)
     flight.run(1.5)
@@ -246,7 +246,7 @@ ONE_PACKET = {
 
 
 @pytest.mark.parametrize("words", ONE_PACKET)
-def test_one_packet_of_another_autopilot_ends_control_and_does_not_refuse_it_for_good(words):
+def test_one_packet_of_another_autopilot_ends_control_but_not_for_good(words):
     flight = in_flight(Manner.PX4, target=-1)
     system_id, message = ONE_PACKET[words]
     intruder = Intruder(flight)

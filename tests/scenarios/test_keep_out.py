@@ -79,7 +79,7 @@ def assert_it_was_sound(flight):
     assert_setpoints_keep_to_free_space(flight)
 
 
-def test_the_path_moves_away_from_the_conductors_and_goes_on():
+def test_the_path_moves_away_from_the_conductors_and_the_mission_continues():
     flight = flight_to_the_far_circuit()
     know_to(flight, 1.35)
     since = len(flight.setpoints)
@@ -92,7 +92,7 @@ def test_the_path_moves_away_from_the_conductors_and_goes_on():
     assert_it_was_sound(flight)
 
 
-def test_it_waits_with_the_number_said_until_the_position_is_known_better():
+def test_the_mission_holds_with_the_value_reported_until_the_position_is_more_accurate():
     flight = flight_to_the_far_circuit()
     know_to(flight, 1.6)
     flight.run_until_state("holding", 3.0)
@@ -109,7 +109,7 @@ def test_it_waits_with_the_number_said_until_the_position_is_known_better():
     assert_it_was_sound(flight)
 
 
-def test_before_the_flight_it_is_denied_with_the_number():
+def test_before_the_flight_the_mission_is_denied_with_the_value():
     flight = over_the_narrow_site()
     know_to(flight, 1.6)
     flight.run(1.0)

@@ -237,7 +237,7 @@ def test_a_hold_on_the_landing_leg_can_be_continued():
     left_above_a_landing_point(flight, "exit")
 
 
-def test_a_low_take_off_is_left_by_an_escape_leg():
+def test_after_a_low_take_off_the_flight_begins_with_an_escape_leg():
     flight = Lockstep(vehicle="linedrone_uniform", options={"parameters": {"MIS_TAKEOFF_ALT": 1.0}})
     flight.take_off(1.2)
     low_m = true_places(flight)[-1][2]
@@ -268,7 +268,7 @@ def test_a_plan_that_takes_seconds_is_joined_without_a_jump():
     judged(flight)
 
 
-def test_a_planner_that_falls_silent_leaves_the_last_plan_to_be_flown():
+def test_when_the_planner_falls_silent_the_last_plan_is_flown_to_its_end():
     flight = hovering(vehicle="x500")
     flight.begin(INSPECTION)
     flight.planning = False
@@ -279,7 +279,7 @@ def test_a_planner_that_falls_silent_leaves_the_last_plan_to_be_flown():
     judged(flight)
 
 
-def test_what_is_ahead_is_measured_ten_times_a_second_and_risks_at_each_position(monkeypatch):
+def test_the_path_ahead_is_measured_ten_times_a_second_and_the_risks_at_each_position(monkeypatch):
     """Measured at each position, it was a third of a cycle's processor time."""
     counts = Counter()
     for name in ("look_ahead", "assess_risk"):

@@ -110,7 +110,7 @@ def flown(flight, order, until):
         pytest.param(ARDUPILOT, "exit", True, marks=pytest.mark.slow),
     ],
 )
-def test_after_a_takeover_on_the_landing_leg_the_rest_of_it_is_flown(manner, order, low):
+def test_after_a_takeover_on_the_landing_leg_an_order_flies_the_rest_of_the_leg(manner, order, low):
     flight = left(manner, "takeover", low=low)
     operator = flight.operator
     orders = {"exit": lambda: operator.mission(EXIT), "continue": operator.go_on}
@@ -141,7 +141,7 @@ def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, 
         list(itertools.product(Manner, ("takeover", "crash"), (False, True))),
     ),
 )
-def test_outside_on_the_landing_leg_an_inspection_leads_back_in(manner, how, low):
+def test_outside_on_the_landing_leg_an_inspection_returns_into_the_workspace(manner, how, low):
     flight = left(manner, how, low=low)
     flown(flight, lambda: flight.operator.mission(INSPECTION), "at_target")
 
@@ -193,7 +193,7 @@ def test_above_the_landing_point_the_next_inspection_is_flown(manner, low):
 
 
 @ARDUPILOT_FIRST
-def test_above_the_landing_point_a_second_exit_stays_there(manner):
+def test_above_the_landing_point_a_second_exit_does_not_move_the_aircraft(manner):
     flight = on_the_leg(manner)
     flight.run_until_state("holding", 60.0)
     flight.run(2.0)
@@ -210,7 +210,7 @@ def test_above_the_landing_point_a_second_exit_stays_there(manner):
         pytest.param(PX4, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
     ],
 )
-def test_from_below_the_least_altitude_it_climbs_first(manner, start_m, mission):
+def test_from_below_the_least_altitude_an_order_climbs_first(manner, start_m, mission):
     flight = Lockstep(manner=manner, start_m=start_m, site=site_above(4.0))
     flight.start_in_the_air(2.5)
     assert z_m(flight) < 3.0

@@ -19,7 +19,7 @@ from ..mavlink.signed import OTHER_SECRET, SECRET, SignedPeer, found_in
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
-def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner):
+def test_an_inspection_is_flown_on_signed_links_and_no_output_contains_the_key(manner):
     flight = hovering(manner=manner, secret=SECRET)
     flight.begin(INSPECTION, 0)
     flight.run_until_state("at_target", 120.0)
@@ -72,7 +72,7 @@ def test_a_stranger_can_neither_command_nor_pose_as_the_autopilot(stranger, reas
 
 
 @pytest.mark.slow
-def test_an_order_that_was_recorded_cannot_be_given_again():
+def test_a_replayed_order_has_no_effect():
     flight = hovering(secret=SECRET)
     recorded = []
     handle = flight.handle
@@ -95,7 +95,7 @@ def test_an_order_that_was_recorded_cannot_be_given_again():
     assert flight.state == "released"
 
 
-def test_an_autopilot_that_does_not_sign_is_not_heard_on_a_signed_link():
+def test_an_autopilot_that_does_not_sign_is_not_received_on_a_signed_link():
     flight = hovering(secret=SECRET)
     companion = flight.new_companion()
     companion.tick(0.0)

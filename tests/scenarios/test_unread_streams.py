@@ -64,7 +64,7 @@ class Wire(Lockstep):
 
 @pytest.mark.slow
 @BOTH
-def test_what_is_not_read_comes_once_a_second_until_somebody_shares_the_link(manner):
+def test_unread_messages_come_once_a_second_until_a_ground_station_shares_the_link(manner):
     flight = Wire(manner)
     flight.run(3.0)
     if manner is Manner.ARDUPILOT:
@@ -91,7 +91,7 @@ def test_what_is_not_read_comes_once_a_second_until_somebody_shares_the_link(man
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manner", sampled([Manner.PX4], list(Manner)))
-def test_where_a_ground_station_is_heard_nothing_is_asked_down(manner):
+def test_on_a_link_with_a_ground_station_no_stream_rate_is_reduced(manner):
     flight = Wire(manner)
     flight.operator.silent = False
     flight.run(3.0)
@@ -108,7 +108,7 @@ class SerialWire(Wire):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
-def test_on_a_serial_port_a_forwarded_ground_station_keeps_nothing_from_being_asked_down(manner):
+def test_on_a_serial_port_stream_rates_are_reduced_despite_a_forwarded_ground_station(manner):
     flight = SerialWire(manner)
     flight.operator.silent = False
     flight.run(3.0)

@@ -40,7 +40,7 @@ def test_a_flight_that_is_flown_twice_has_the_same_trace(flight):
     assert found(flight, again) == {}
 
 
-def test_a_setpoint_that_differs_is_found_with_its_time_and_nothing_else_is(flight):
+def test_only_the_setpoint_that_differs_is_found_with_its_time(flight):
     changed = copy_of(flight)
     changed.setpoints = list(changed.setpoints)
     index = max(i for i, item in enumerate(changed.setpoints) if item.time_s < 22.99)
@@ -56,7 +56,7 @@ def test_a_setpoint_that_differs_is_found_with_its_time_and_nothing_else_is(flig
     assert f"is at {item.time_s:.2f} s: x {message.x:.2f} " in differences["setpoints"]
 
 
-def test_a_setpoint_that_differs_by_less_than_is_shown_is_found_too(flight):
+def test_a_setpoint_that_differs_by_less_than_the_printed_digits_is_found(flight):
     changed = copy_of(flight)
     item = changed.setpoints[-10]
     message = copy.copy(item.message)
@@ -83,7 +83,7 @@ def test_a_decision_that_differs_is_found_with_its_time(flight):
     assert f'is at {time_s:.2f} s: state {{"state": "released"' in differences["decisions"]
 
 
-def test_words_that_differ_are_told_apart_from_decisions(flight):
+def test_texts_that_differ_are_listed_separately_from_decisions(flight):
     changed, time_s = changed_decision(flight, "condition", reason="in other words")
     differences = found(flight, changed)
     assert set(differences) == {"texts"}
@@ -106,7 +106,7 @@ def test_each_flight_has_a_trace_and_all_are_small():
     assert sum(file.stat().st_size for file in files.values()) < 200_000
 
 
-def test_a_name_of_no_flight_is_an_error(capsys):
+def test_an_unknown_flight_name_is_an_error(capsys):
     with pytest.raises(SystemExit):
         main(["compare", "--only", "nothing"])
     assert "no flight is named 'nothing'" in capsys.readouterr().err
