@@ -1,4 +1,4 @@
-"""An ArduPilot on the desk: GUIDED, which it lets a companion take back at any time.
+"""An ArduPilot on the desk: a companion may take GUIDED back at any time.
 
 At the end an autopilot of an unknown kind, which is not flown.
 """
@@ -32,7 +32,7 @@ def ardupilot(**options):
 
 
 def test_an_aircraft_already_in_guided_flies_as_soon_as_the_plan_is_ready():
-    """A take-off in GUIDED stays in GUIDED; nothing needs a stream before."""
+    """After a take-off in GUIDED the mode stays GUIDED and needs no stream before."""
     desk = ardupilot()
     desk.mode = GUIDED
     desk.run(1.2)
@@ -72,7 +72,7 @@ def test_nothing_is_streamed_before_the_aircraft_is_in_the_air(landed_state):
 def test_a_failsafe_is_never_left_even_if_the_autopilot_would_accept_guided(
     failsafe, state, authority
 ):
-    """LOITER no failsafe chooses: that is a pilot, while one is told."""
+    """No failsafe chooses LOITER: during a reported failsafe LOITER is a takeover."""
     desk = ardupilot(authority=authority).come_to("flying", then_s=2.0)
     desk.say_heartbeat(failsafe, CRITICAL)
     acted = desk.now_s
@@ -92,7 +92,7 @@ def test_a_fence_action_without_a_failsafe_status_is_not_overridden(authority):
     desk.say_heartbeat(RTL)
     acted = desk.now_s
     desk.run(5.0).order(EXIT).run(5.0)
-    assert desk.state == "ready"  # a hold is offered, for the pilot to take
+    assert desk.state == "ready"  # the companion offers a hold to the pilot
     assert len(desk.mode_requests()) == asked
     assert desk.setpoints(acted)
 
@@ -128,7 +128,7 @@ def test_a_mission_that_an_operator_ends_while_a_pilot_flies_is_not_resumed(orde
 
 
 def test_a_plan_is_not_flown_when_the_aircraft_has_left_its_start():
-    """In GUIDED a ground station may have sent it elsewhere meanwhile."""
+    """In GUIDED a ground station may have moved the aircraft meanwhile."""
     desk = ardupilot(plan_delay_s=2.0)
     desk.mode = GUIDED
     desk.run(1.2).order(INSPECTION).drift(0.0, 0.0, -2.0).run(1.0)

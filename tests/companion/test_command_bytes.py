@@ -1,6 +1,6 @@
-"""Commands as bytes against the whole companion: from several sides, split, broken, at random.
+"""Commands as bytes for the whole companion: from several senders, split, broken, at random.
 
-What was carried out is what the companion records as an order; what was answered is what it sent.
+Carried out: the companion recorded an order. Answered: the companion sent a COMMAND_ACK.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from .desk import (
 NAN = math.nan
 ARM, GIMBAL = 400, 1000
 
-# As it should come ------------------------------------------------------------------------------
+# Correct commands -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_parameters_that_mean_nothing_here_may_be_nan():
     assert (carried_out(desk), results(desk)) == (["release"], [ACCEPTED])
 
 
-# Where it comes from and goes to ----------------------------------------------------------------
+# Senders and addressees -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_a_command_with_a_broken_byte_is_no_command_and_the_next_one_is():
         assert len(answers(desk)) == before + 1, place
 
 
-# Whatever the network does ----------------------------------------------------------------------
+# Any behaviour of the network -------------------------------------------------------------------
 
 SENDERS = ((255, 190), (254, 190), (255, 25))
 TARGETS = (*[(1, 195)] * 6, (1, 0), (0, 0), (1, 1), (2, 195))
@@ -205,9 +205,9 @@ class Arrival:
 
 @st.composite
 def traffic(draw):
-    """Orders, each of one sender over one link with words of its own, and how they arrive.
+    """Orders and their arrival; each order has one sender, one link and its own parameters.
 
-    Repeats of one order stay in order, as they are half a second apart; all else is shuffled.
+    Repeats of one order stay in order, as they are half a second apart; the rest is shuffled.
     """
     orders = draw(
         st.lists(

@@ -1,6 +1,6 @@
-"""Commands as bytes against the whole companion: lost, doubled, late, taken back.
+"""Commands as bytes for the whole companion: lost, doubled, late, cancelled.
 
-What was carried out is what the companion records as an order; what was answered is what it sent.
+Carried out: the companion recorded an order. Answered: the companion sent a COMMAND_ACK.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def test_an_old_repeat_of_a_mission_does_not_undo_a_hold(motion, stop):
         desk.handle(desk.operator.command(*motion, confirmation=confirmation)).run(1.0)
     assert (desk.state, len(desk.jobs)) == ("holding", jobs)
     assert results(desk)[-2:] == [CANCELLED, CANCELLED]
-    desk.handle(desk.operator.command(*motion)).run(1.0)  # meant now
+    desk.handle(desk.operator.command(*motion)).run(1.0)  # a new order
     assert (desk.state, results(desk)[-1]) == ("flying", ACCEPTED)
 
 
@@ -149,7 +149,7 @@ def test_an_unsupported_command_in_between_makes_no_repeat_old():
     assert len(desk.jobs) == 1
 
 
-# Taken back -------------------------------------------------------------------------------------
+# Cancelled --------------------------------------------------------------------------------------
 
 
 def test_an_order_is_cancelled_once_and_its_repeat_does_not_restore_it():

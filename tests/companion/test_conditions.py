@@ -1,4 +1,4 @@
-"""The conditions of the supervisor, from the autopilot's words to what is streamed."""
+"""Conditions of the supervisor, from the autopilot's messages to the streamed setpoints."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_condition_holds_the_mission_which_resumes_when_the_condition_clears(c
     assert resting(desk, desk.now_s - 1.0)
     began = desk.now_s
     desk.set(**well).run(2.0)
-    assert desk.state == "holding"  # not at the first good word
+    assert desk.state == "holding"  # one good message does not end the hold
     desk.run_until("flying", 10.0)
     assert len(desk.setpoints(began)) == pytest.approx((desk.now_s - began) * 50, abs=2)
     assert not resting(desk.run(1.0), desk.now_s - 0.5)
@@ -79,7 +79,7 @@ def test_an_inspection_is_rejected_with_the_measured_value(case):
     assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
     assert desk.said(words)
     desk.order(EXIT).run(0.5)
-    # An exit may be ordered in a storm; without a position nothing can be flown.
+    # An exit may be ordered in strong wind, but not without a position.
     possible = case != "uncertainty"
     assert desk.answers()[-1] == (ACCEPTED if possible else TEMPORARILY_REJECTED)
 
@@ -114,7 +114,7 @@ def test_a_battery_at_its_reserve_makes_the_supervisor_begin_an_escape_route():
     assert flown(desk) == "evacuation"
     assert desk.said("MOAR: battery 0 is critical")
     desk.set(battery_percent=60, charge_state=1).run_until("landing_leg", 120.0)
-    assert flown(desk) == "evacuation"  # an escape route that was begun is flown
+    assert flown(desk) == "evacuation"  # a started escape route is flown to its end
 
 
 def test_an_escape_route_that_the_operator_orders_is_flown_instead_of_the_supervisors():
@@ -224,7 +224,8 @@ def test_a_full_disk_rejects_inspections_and_low_memory_also_begins_an_exit(pres
     desk = Desk().come_to("flying", then_s=2.0)
     desk.companion.note_host(host)
     desk.run(6.0)
-    # What is flown goes on without a record; what the system may end at any moment leaves.
+    # Without disk space the flight continues unrecorded. With low memory the system may kill the
+    # service at any time, so the companion exits.
     assert flown(desk) == ("exit" if pressed == "memory" else "inspection")
     desk.order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
@@ -252,7 +253,7 @@ def test_missing_measurements_are_reported_once():
 
 
 def ground_station(desk, *systems, seconds):
-    """These are heard once a second."""
+    """Sends heartbeats of these systems once a second."""
     for _ in range(round(seconds)):
         for system in systems:
             desk.handle(Peer(system, 190).ground_heartbeat()).run(1.0 / len(systems))
@@ -271,7 +272,7 @@ def test_a_ground_station_that_connects_later_receives_the_earlier_reports():
     assert told() == 2
     ground_station(desk, 255, 254, seconds=8)
     assert told() == 3
-    desk.run(12.0)  # both are gone
+    desk.run(12.0)  # both are silent
     assert desk.said("MOAR: no ground station for 1")
     ground_station(desk, 255, seconds=8)
     assert told() == 4
@@ -286,7 +287,7 @@ def test_a_ground_station_that_connects_later_receives_the_reason_of_the_hold():
     assert desk.texts().count(f"MOAR: {holds}, holding") == 2
     desk.set(wind_mps=4.0)
     ground_station(desk, 255, seconds=3)
-    ground_station(desk, 254, 255, seconds=1)  # nothing is against it any more
+    ground_station(desk, 254, 255, seconds=1)  # no condition acts any more
     assert desk.texts().count(f"MOAR: {holds}, holding") == 2
 
 
@@ -303,7 +304,7 @@ def test_a_battery_that_falls_silent_is_no_battery_for_another_inspection():
     desk.run(14.0).order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == ACCEPTED
     desk.run(20.0)
-    assert (desk.state, flown(desk)) == ("flying", "inspection")  # what is flown goes on
+    assert (desk.state, flown(desk)) == ("flying", "inspection")  # the flight continues
     assert desk.said("MOAR: battery 0 is silent for 15 s")
     desk.order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
@@ -337,7 +338,7 @@ def test_an_aircraft_outside_the_workspace_is_reported_with_its_distance(case):
     behind_ned_m, words = STRAYS[case]
     desk = Desk().come_to("flying")
     at_ned_m = desk.position_ned_m
-    for step in range(200):  # it stays there, whatever setpoint it is sent
+    for step in range(200):  # the aircraft ignores its setpoints
         share = min(1.0, step / 50)
         strayed_ned_m = tuple(
             at + share * off for at, off in zip(at_ned_m, behind_ned_m, strict=True)
@@ -383,7 +384,7 @@ def test_no_condition_is_reported_before_the_first_order():
     assert not [text for text in desk.texts() if "MOAR" in text]
 
 
-# What is told no more ---------------------------------------------------------------------------
+# Missing messages ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,7 @@ def test_a_flood_after_a_pause_costs_one_cycle_no_more_than_the_longest_pauses_b
 @pytest.mark.parametrize("packets_ps", [412, 824])
 @pytest.mark.parametrize("stall_s", [0.05, 0.1, 0.25, 0.5])
 def test_an_order_behind_a_routers_telemetry_is_carried_out_after_a_stall(packets_ps, stall_s):
-    """The router hands on what the autopilot says, and the operator's order comes last."""
+    """The router forwards the autopilot's telemetry; the operator's order comes last."""
     desk = hovering()
     desk.companion.take_in([], desk.now_s)
     desk.now_s += stall_s

@@ -1,4 +1,4 @@
-"""Stopped on a landing leg, outside the workspace: it goes on as soon as it may.
+"""Holds on a landing leg, outside the workspace: the flight resumes as soon as possible.
 
 A pole stands beside the leg of the exit, which leaves the workspace at x = 30 m; keep-outs
 allow for 0.9 m of uncertainty.
@@ -46,7 +46,7 @@ def planner():
 
 
 def moving(desk, seconds):
-    """Fraction of its setpoints that move meanwhile."""
+    """Fraction of the setpoints in this time that move."""
     began = desk.now_s
     desk.run(seconds)
     setpoints = desk.setpoints(began)
@@ -76,7 +76,7 @@ def room_m(desk):
 
 @pytest.mark.parametrize("battery_percent", [90, 15])
 def test_after_a_short_hold_for_room_the_flight_resumes_along_the_leg(desk, battery_percent):
-    """Also where an escape route goes before the hold: an empty battery must not wait for ever."""
+    """Also where an escape route overrides the hold: an empty battery must not wait for ever."""
     assert WELL_M < room_m(desk) + 0.9 < TOO_NARROW_M
     desk.set(battery_percent=battery_percent, plan_delay_s=None).run(4.5)
     place_m = along_m(desk)
@@ -102,7 +102,7 @@ def test_where_room_stays_too_small_the_aircraft_leaves_by_a_wider_route(
 
 @pytest.mark.parametrize("end", ["taken back", "denied"])
 def test_an_order_that_stopped_the_aircraft_and_fails_lets_the_leg_resume(desk, end):
-    desk.plan_delay_s = 1.0  # too late to be joined: it comes to rest for the next one
+    desk.plan_delay_s = 1.0  # too late to be joined: the aircraft stops for the next plan
     desk.order(INSPECTION).run(1.8)
     assert moving(desk, 0.1) == 0.0
     if end == "taken back":
@@ -148,7 +148,7 @@ def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(
     ("order", "behind_m"), [(EXIT, 0.0), (EXIT, 0.5), (INSPECTION, 0.5), (EVACUATION, 0.5)]
 )
 def test_an_order_after_a_jump_off_the_leg_is_flown(desk, order, behind_m):
-    """Not accepted and then held."""
+    """The order is not first accepted and then held."""
     desk.fall_behind(behind_m, 0.0, 0.0).set(reset_counter=1).run(0.2)
     desk.jump(0.0, 0.0, -0.4).set(reset_counter=2).run(2.5)
     assert desk.state == "holding"
@@ -173,7 +173,7 @@ def test_a_hold_on_the_leg_is_continued_along_it(desk, seconds):
 
 @flown_once
 def taken_over(*moved_ned_m):
-    """By the pilot, 2 m past the border, who moves it."""
+    """The pilot takes over 2 m past the border and moves the aircraft."""
     desk = on_its_leg()
     while along_m(desk) < 5.0:
         desk.step()

@@ -1,6 +1,6 @@
-"""Every orderly end of the stream: the last setpoint stands where the one before was.
+"""Every orderly end of the stream: the last setpoint is at the previous one, at rest.
 
-What is not, because the autopilot has left us, or because nothing may be sent, ends at once.
+Other ends, when the autopilot has taken control or no packet is permitted, are immediate.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def released(desk):
 
 
 def shut_down(desk):
-    """Then no cycle follows."""
+    """Shutdown: no cycle follows."""
     desk.companion.shut_down(desk.now_s)
     desk.take_what_is_sent()
     desk.step = lambda *_: desk
@@ -51,7 +51,7 @@ def muted(message):
 ORDERLY = {
     "a release that is ordered": released,
     "the service is told to end": shut_down,
-    # The supervisor's, by their names.
+    # Conditions of the supervisor, by their names.
     "autopilot_identity": second_autopilot,
     "mode_unconfirmed": muted("HEARTBEAT"),
     "position": muted("LOCAL_POSITION_NED"),
@@ -81,7 +81,7 @@ def place(setpoint):
 
 
 def silent(desk, way=None):
-    """The setpoints until nothing is streamed any more, for good."""
+    """The setpoints until the stream has ended for good."""
     desk.run(LONG_S.get(way, 2.2))
     count = len(desk.setpoints())
     desk.run(0.5)
@@ -135,7 +135,7 @@ def test_a_flight_that_does_not_end_in_order_sends_no_further_setpoint(way):
     assert speed_mps(desk.setpoints()[-1]) > 0.0
     before = len(desk.setpoints())
     AT_ONCE[way](desk)
-    # By messages that come a few times a second; by a clock that has run on for 0.3 s.
+    # Reported late: by messages that come a few times a second; by a clock 0.3 s ahead.
     told_late = {"ground": 10, "autopilot_reboot": 17}
     assert len(silent(desk)) <= before + told_late.get(way, 0)
     assert desk.state in {"released", "overridden", "idle"}
@@ -159,7 +159,7 @@ def test_where_setpoints_are_no_longer_permitted_the_last_one_is_at_the_aircraft
     assert math.dist(carried, tuple(map(sum, zip(place, jump_ned_m, strict=True)))) < 0.1
 
 
-# What ends an offer ------------------------------------------------------------------------------
+# Ends of an offer --------------------------------------------------------------------------------
 
 
 OFFERS = {

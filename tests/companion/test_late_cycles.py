@@ -1,4 +1,4 @@
-"""Cycles that the shell comes too late with: what moves the aircraft is left out of them."""
+"""Late cycles of the shell: packets that command motion are dropped."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .desk import (
 
 
 def come_late(desk):
-    """From now on every cycle takes too long."""
+    """Makes every cycle from now on too long."""
     desk.companion.data_to_send = partial(desk.companion.data_to_send, control=False)
 
 
@@ -88,11 +88,11 @@ def test_a_landing_requested_in_a_late_cycle_is_requested_again_once():
     assert (request.param2, request.param3) == (4, 6)  # PX4's AUTO.LAND
 
 
-# The last word ----------------------------------------------------------------------------------
+# The last setpoint ------------------------------------------------------------------------------
 
 
 def released_late(cycles):
-    """A flight that is released, in the first of so many cycles that come too late."""
+    """A flight that is released in the first of `cycles` late cycles."""
     desk = Desk().come_to("flying", then_s=4.0).run_to_position()
     before = desk.setpoints()[-1]
     assert any((before.vx, before.vy, before.vz))

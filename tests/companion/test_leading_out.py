@@ -1,4 +1,4 @@
-"""Led out by the supervisor: the way that it wants, the next best where there is none, no waiting.
+"""Escape routes of the supervisor: the preferred one, else the next one, without waiting.
 
 Rows of poles close the workspace, or a part of it; keep-outs allow for 0.9 m of uncertainty.
 """
@@ -21,7 +21,7 @@ RESERVE = {"battery_percent": 15}
 
 
 def fenced(x_m, heights_m, evacuation_m=None):
-    """The usual site with a row of poles; evacuation_m: its only such landing point."""
+    """The usual site with a row of poles; evacuation_m: its only evacuation landing point."""
     usual = usual_planner()
     poles = (
         Conductor(name=f"pole {z_m}", position_m=(x_m, z_m), radius_m=0.0175, keep_out_m=0.9)
@@ -49,7 +49,7 @@ def without_evacuation():
 
 @functools.cache
 def gapped():
-    """A fence before the exit, whose gaps close when obstacles grow."""
+    """A row of poles before the exit, whose gaps close when obstacles grow."""
     return fenced(24.0, range(1, 22, 4))
 
 
@@ -62,7 +62,7 @@ def flown(desk):
 
 
 def moving(desk, seconds):
-    """True if any of its setpoints moves meanwhile."""
+    """True if any setpoint in this time moves."""
     began = desk.now_s
     desk.run(seconds)
     return any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began))
@@ -96,7 +96,7 @@ def test_a_held_exit_resumes_when_there_is_no_evacuation(held):
 
 @pytest.mark.parametrize("plan_delay_s", [0.04, None])
 def test_an_exit_that_is_held_on_its_landing_leg_resumes_along_the_leg(plan_delay_s):
-    """Out there no evacuation is planned, and the leg needs no planner, even after its failure."""
+    """Outside no evacuation is planned; the leg needs no planner, even after a failure."""
     desk = Desk(height_m=5.0, east_m=2.0, wind_mps=2.0).set(accuracy_m=0.3)
     desk.come_to("landing_leg", EXIT, then_s=2.0).set(plan_delay_s=plan_delay_s)
     desk.set(wind_mps=18.0).run_until("holding").run(1.0)

@@ -32,7 +32,7 @@ START_M = (4.0, 5.0)
 
 
 def walls(gap_m):
-    """Two, with a window between them."""
+    """Two walls with a window between them."""
     below, above = MIDDLE_M - 0.5 * gap_m, MIDDLE_M + 0.5 * gap_m
     return tuple(
         Polygon(name=name, vertices_m=((14.0, low), (15.0, low), (15.0, high), (14.0, high)))
@@ -91,7 +91,7 @@ def test_an_escape_route_keeps_at_least_the_position_error():
 
 
 def test_a_larger_position_error_counts_in_full():
-    """By 0.6 m worse than the margin has it."""
+    """Position error 0.6 m greater than that of the margin."""
     assert answer(4.2, Mission.EXIT, 0.6).plan is None
     found = answer(5.6, Mission.EXIT, 0.6)
     assert clearance_m(found.plan) >= 1.4 + 0.6 - 1e-6
@@ -118,7 +118,7 @@ CEILING = PlaneFence(bounds=(Bound(name="GF_MAX_VER_DIST 13 m", z_m=(-5.0, 13.0)
 def test_a_fence_is_named_as_reason_only_where_no_narrower_margin_opens_a_path(
     gap_m, widening_m, reason, too_wide
 ):
-    """Without the fence there is always a way, over the walls."""
+    """Without the fence there is always a path, over the walls."""
     site = behind_a_window(gap_m)
     obstacles = tuple(
         replace(wall, vertices_m=tuple((x, min(z, 13.5)) for x, z in wall.vertices_m))
@@ -173,7 +173,7 @@ def test_a_setpoint_that_a_small_jump_moves_into_the_margin_holds_and_resumes():
     ],
 )
 def test_an_autopilot_other_than_the_vehicle_files_is_reported_and_not_flown(file, received, words):
-    """Its margin is not the one that is kept."""
+    """The margin of this autopilot differs from the planned one."""
     usual = usual_planner()
     other = Planner(usual.site, replace(usual.vehicle, autopilot=file))
     desk = Desk(planner=other, autopilot=received).run(1.2).order(EXIT).run(1.0)
@@ -183,7 +183,7 @@ def test_an_autopilot_other_than_the_vehicle_files_is_reported_and_not_flown(fil
 
 
 def in_a_gust():
-    """On its way to a target, 1 m off the setpoint: plans of the inspection are wider."""
+    """Flying to a target, 1 m off the setpoint: plans of the inspection keep more distance."""
     usual = usual_planner()
     guidance = replace(usual.vehicle.guidance, tracking_margin_m=0.2)
     desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, guidance=guidance)))

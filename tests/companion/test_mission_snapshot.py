@@ -1,4 +1,4 @@
-"""The mission snapshot: its file's bytes, the part that can still be flown, its text."""
+"""The mission snapshot: bytes of the file, the part that can still be flown, the text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Under `engage` the companion may ask for its mode and for the landing: when, and how often."""
+"""Requests of the companion's mode and of the landing under `engage`: times and repeats."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_pilot_who_changes_the_mode_after_the_order_keeps_control():
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.say_heartbeat(POSCTL).run(LONG_S)
     assert not desk.mode_requests()
-    desk.say_heartbeat(AUTO_HOLD).run(LONG_S)  # nor is it asked for later
+    desk.say_heartbeat(AUTO_HOLD).run(LONG_S)  # no later request
     assert not desk.mode_requests()
 
 
@@ -129,7 +129,7 @@ def test_no_mode_is_requested_in_a_failsafe():
 def test_no_return_or_landing_is_ended_whatever_reason_the_autopilot_reports(
     autopilot, mode, status
 ):
-    """ArduPilot's fence acts with status ACTIVE, and a failsafe that is over still lands."""
+    """ArduPilot's fence acts with status ACTIVE; a failsafe that has cleared still lands."""
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).run(1.2)
     desk.say_heartbeat(mode, CRITICAL).run(2.0)
     desk.say_heartbeat(mode, status).run(1.0)
@@ -188,7 +188,7 @@ def test_a_refused_mode_is_reported():
 
 
 def test_a_mode_that_is_refused_repeatedly_is_reported_once():
-    """PX4 answers a mode it will not give more than once."""
+    """PX4 sends more than one answer for a refused mode."""
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     for _ in range(3):
         refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
@@ -309,7 +309,7 @@ def test_a_hold_while_ready_requests_no_mode(held_by):
 
 
 def test_a_rejected_order_requests_no_mode():
-    """The pilot takes over, and somebody orders again while nothing may be begun."""
+    """The pilot takes over; an operator orders again while no mission can start."""
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.landed_state = 0
     desk.run(0.3).say_heartbeat(POSCTL).order(EXIT).run(LONG_S)
@@ -326,9 +326,11 @@ def test_the_hold_after_a_take_off_is_no_takeover():
 
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
 def test_a_mode_is_requested_only_just_after_a_mode_report(autopilot):
-    """PX4 tells its mode once a second: the pilot may have chosen a return meanwhile."""
+    """PX4 reports its mode once a second: the pilot may have chosen a return meanwhile."""
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready").run_to_heartbeat()
-    desk.run(0.9)  # the mode may be asked for from now on, but was told almost a second ago
+    desk.run(
+        0.9
+    )  # a request is permitted from now on, but the last mode report is almost a second old
     while not desk.mode_requests():
         asked = desk.now_s
         desk.step()
@@ -377,7 +379,7 @@ def test_a_pilot_who_takes_over_from_a_failsafe_before_the_first_flight_keeps_co
 
 
 def test_a_failsafe_that_returns_to_the_mode_of_the_order_leaves_control_to_the_pilot():
-    """HOLD, LAND, HOLD before the mode may be asked for."""
+    """HOLD, LAND, HOLD before the mode may be requested."""
     desk = Desk(authority=Authority.ENGAGE).come_to("idle").run_to_heartbeat()
     session, telemetry = mock.Mock(), desk.companion.telemetry
     autopilot = telemetry.autopilot
@@ -392,7 +394,7 @@ def test_a_failsafe_that_returns_to_the_mode_of_the_order_leaves_control_to_the_
 
 
 def test_a_resumed_flight_requests_no_mode_from_a_pilot_who_has_overridden():
-    """GUIDED was given by hand, so that the order it began with has asked for nothing."""
+    """The pilot gave GUIDED, so the first order requested no mode."""
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE, resume=True)
     desk.come_to("ready", then_s=0.5).say_heartbeat(GUIDED).run_until("flying").run(1.0)
     desk.say_heartbeat(LOITER).run(2.0)
@@ -405,7 +407,7 @@ def test_a_resumed_flight_requests_no_mode_from_a_pilot_who_has_overridden():
 
 
 def test_after_a_release_while_ready_the_next_order_requests_the_mode_again():
-    """In the pilot's HOLD nobody has taken over: the next order asks for our mode again."""
+    """The pilot's HOLD is no takeover: the next order requests the companion's mode again."""
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.order(RELEASE).run(1.0)
     assert (desk.state, desk.mode) == ("released", AUTO_HOLD)

@@ -1,6 +1,6 @@
-"""Judging plans by what the autopilot would do on offboard loss, as the companion does it.
+"""Check of plans against the autopilot's offboard-loss action, in the whole companion.
 
-Before the flight, and when a parameter or the home is changed on its way.
+Before the flight, and when a parameter or the home changes in flight.
 """
 
 from __future__ import annotations
@@ -114,17 +114,17 @@ def test_the_reaction_to_an_unsafe_offboard_loss_action_is_configured(policy):
     desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
     assert desk.answers() == [DENIED if policy is LossCheck.REFUSE else ACCEPTED]
     assert desk.said("MOAR: PX4 would hit right-lower")
-    # What mends it is in the record, whole.
+    # The recording has the whole remedy.
     assert "PX4 would hit right-lower (it would land on offboard loss; set COM_OBL_RC_ACT 5)" in {
         text["reason"] for text in desk.decided("text")
     }
 
 
-# What changes on the way ------------------------------------------------------------------------
+# Changes in flight ------------------------------------------------------------------------------
 
 
 def returning(**config):
-    """Flying to the outer splice; without us it would return home at 12 m, which is behind it."""
+    """Flying to the outer splice; after an offboard loss the return is at 12 m, behind it."""
     desk = Desk(**config).set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=12.0)
     desk.run(1.0).report_home(27.0).run(0.5).order(INSPECTION, 0.0).run_until("ready")
@@ -134,7 +134,7 @@ def returning(**config):
 def test_a_home_that_moves_behind_the_conductors_in_flight_is_held():
     words = "MOAR: PX4 would hit right-middle, holding"
     desk = returning()
-    desk.report_home(26.5).run(2.0)  # by so little that the way is the same
+    desk.report_home(26.5).run(2.0)  # so little that the route is the same
     assert desk.state == "flying"
     desk.report_home(0.0).run(1.0)
     assert desk.state == "holding"
@@ -156,7 +156,7 @@ def test_a_hold_for_the_offboard_loss_action_ends_even_after_an_insufficient_cha
     desk = Desk().come_to("flying", then_s=2.0)
     desk.order(INSPECTION, INNER).run(1.0)
     desk.set_parameters(COM_OBL_RC_ACT=7.0).run_until("holding", 1.0)
-    desk.set_parameters(COM_OBL_RC_ACT=4.0).run(3.0)  # where it stands that is free
+    desk.set_parameters(COM_OBL_RC_ACT=4.0).run(3.0)  # a landing at the present place is free
     assert desk.said("MOAR: resuming")
     assert desk.said("MOAR: PX4 would hit right-lower, holding")
     assert desk.state == "holding"
@@ -182,7 +182,7 @@ def test_a_parameter_that_becomes_unsafe_during_a_hold_is_reported_at_once():
 
 
 def test_in_a_hold_only_an_offboard_loss_at_the_present_place_counts():
-    """A landing from there is free, though not from every place ahead."""
+    """A landing at the present place is free, but not from every place ahead."""
     desk = Desk().come_to("flying", then_s=2.0)
     desk.order(INSPECTION, INNER).run(1.0).pause().run(2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 4.0
@@ -213,7 +213,7 @@ def test_a_plan_that_is_refused_in_flight_keeps_the_flown_one_unless_that_is_no_
 
 
 def watched(desk, seconds):
-    """So many seconds with a ground station, whose loss the autopilot can notice."""
+    """Runs with a ground station, whose loss the autopilot can detect."""
     for _ in range(round(seconds)):
         desk.handle(desk.operator.pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))).run(
             1.0

@@ -107,7 +107,7 @@ def test_a_mission_that_cannot_be_planned_is_denied_with_a_text():
 def test_in_flight_a_mission_that_cannot_be_planned_is_denied_and_the_flight_goes_on():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
-    desk.run(3.0)  # no replan is answered any more
+    desk.run(3.0)  # later replans have no answer
     desk.order(EVACUATION).step().answer_plan(plan=None, reason="no landing point can be seen")
     before = desk.now_s
     desk.plan_delay_s = 0.04
@@ -125,7 +125,7 @@ def test_a_second_order_from_another_operator_cancels_the_first():
     desk.order(EXIT, peer=tablet).step()
     answered = [(message.target_system, message.result) for message in desk.messages("COMMAND_ACK")]
     assert answered == [(255, CANCELLED)]
-    desk.answer_plan(0).step()  # the first plan comes too late
+    desk.answer_plan(0).step()  # the first plan is late
     assert desk.state == "planning"
     desk.answer_plan(1).step()
     assert desk.companion.status.task.mission.value == "exit"

@@ -1,4 +1,4 @@
-"""Orders that cross with something else, or come before the mode, a plan or the end."""
+"""Orders that cross with other events, or come before the mode, a plan or the end."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .desk import (
     Desk,
 )
 
-# Orders that cross with something else ----------------------------------------------------------
+# Orders that cross with other events ------------------------------------------------------------
 
 
 def test_an_order_cancelled_in_the_cycle_of_its_plan_is_not_flown():
@@ -86,7 +86,7 @@ def test_an_order_that_crosses_with_a_failsafe_is_rejected(failsafe_first):
     assert (desk.state, desk.answers()[-1]) == ("released", TEMPORARILY_REJECTED)
     assert desk.said("released just now")
     assert not desk.setpoints(began)
-    desk.order(EXIT).run(0.5)  # now the operator knows
+    desk.order(EXIT).run(0.5)  # the operator has received the text
     assert (desk.state, desk.answers()[-1]) == ("ready", ACCEPTED)
 
 
@@ -137,7 +137,7 @@ def test_a_mission_that_cannot_be_planned_while_ready_keeps_the_offered_hold():
 
 @pytest.mark.parametrize("held_by", ["pause", "order"])
 def test_a_hold_given_with_the_mode_holds_and_can_be_continued(held_by):
-    """The pilot gives OFFBOARD; a second later at the latest the companion hears of it."""
+    """The pilot gives OFFBOARD; the companion receives it within a second."""
     desk = Desk().come_to("ready", then_s=1.2).run_to_heartbeat()
     desk.mode = OFFBOARD
     began = desk.now_s

@@ -1,4 +1,4 @@
-"""A position that stands still, jumps, or is told in another frame than before."""
+"""A position that is frozen, jumps, or changes its frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .desk import EXIT, INSPECTION, STEP_S, Desk
 
 
 def moved_m(setpoints):
-    """The longest step from one setpoint to the next."""
+    """The greatest distance from one setpoint to the next."""
     places = [(m.x, m.y, m.z) for m in setpoints]
     return max(math.dist(*pair) for pair in itertools.pairwise(places))
 
@@ -79,7 +79,7 @@ def test_answers_that_are_lost_for_some_time_are_no_late_link():
 
 
 def test_a_clock_of_the_autopilot_that_runs_at_another_speed_is_no_late_link():
-    """As in a simulator that the machine cannot bear, or by an hour's drift."""
+    """As in a simulator that runs too slowly, or after an hour of drift."""
     desk = Desk().come_to("flying", then_s=1.0)
     for _ in range(500):
         desk.boot_s -= 0.3 * STEP_S
@@ -116,11 +116,11 @@ def test_a_jump_of_the_estimate_moves_the_setpoint_by_the_same_vector(jump_ned_m
     after = desk.setpoints(began)[-1]
     jumped = (after.x - before.x, after.y - before.y, after.z - before.z)
     assert jumped == pytest.approx(jump_ned_m, abs=0.1)
-    assert math.dist(desk.position_ned_m, place) < 0.1  # the aircraft has not chased it
+    assert math.dist(desk.position_ned_m, place) < 0.1  # the aircraft has not followed the jump
     (told,) = desk.decided("jump")
     assert math.hypot(*told["jump_m"]) == pytest.approx(math.hypot(*jump_ned_m), abs=0.05)
     desk.run(1.0)
-    assert moved_m(desk.setpoints(began + 0.06)) < 0.05  # and it comes back to its path slowly
+    assert moved_m(desk.setpoints(began + 0.06)) < 0.05  # the setpoint returns to its path slowly
 
 
 def test_a_jump_of_less_than_half_a_metre_moves_the_aircraft_not_the_setpoint():
@@ -193,7 +193,7 @@ def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
     desk.jump(5.0, 0.0, 0.0).run(1.0)
     assert desk.state == "released"
     assert desk.said("from the plane")
-    # A last setpoint in the earlier frame would draw the aircraft five metres away.
+    # A last setpoint in the old frame would move the aircraft by five metres.
     assert math.dist(desk.position_ned_m, place) < 0.1
     assert len(desk.setpoints(began)) <= 1
 
@@ -201,14 +201,14 @@ def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
 def test_a_reset_below_the_least_altitude_is_a_hold():
     desk = Desk().come_to("flying")
     desk.run_to_position()
-    assert desk.companion.pose.position_m[2] < 3.2  # of which 2 m have to be kept
+    assert desk.companion.pose.position_m[2] < 3.2  # the least altitude is 2 m
     desk.jump(0.0, 0.0, 1.2).run(2.0)
     assert desk.companion.pose.position_m[2] < 2.0
     assert desk.state == "holding"
 
 
 def test_an_origin_that_moves_in_flight_moves_no_setpoint():
-    """The site is nearer or farther by what the origin moved: the flight ends up on its path."""
+    """The site moves with the origin: the flight returns to its path."""
     desk = Desk().come_to("flying", then_s=8.0)
     began = desk.now_s
     latitude, longitude, altitude = desk.origin
@@ -245,7 +245,7 @@ def test_a_hold_stays_at_the_aircraft_after_any_position_jump(when, jump_ned_m):
     place, began = desk.position_ned_m, desk.now_s
     desk.jump(*jump_ned_m).run(5.0)
     assert desk.state == "holding"
-    assert math.dist(desk.position_ned_m, place) < 0.3  # what it takes to come to rest
+    assert math.dist(desk.position_ned_m, place) < 0.3  # the stopping distance
     assert moved_m(desk.setpoints(began + 0.06)) < 0.02
     last = desk.setpoints()[-1]
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
@@ -266,14 +266,14 @@ def test_after_a_jump_and_a_hold_the_flight_continues_from_the_aircrafts_positio
 
 
 def turns_rad(setpoints):
-    """From one setpoint's heading to the next one's."""
+    """Differences between the headings of successive setpoints."""
     headings = [m.yaw for m in setpoints]
     return [math.remainder(b - a, math.tau) for a, b in itertools.pairwise(headings)]
 
 
 @pytest.mark.parametrize("reset_rad", [0.43, -1.2, 3.0])
 def test_a_reset_of_the_heading_does_not_turn_the_nose(reset_rad):
-    """That is, the heading that is asked for is as far from the nose as before."""
+    """The difference between commanded and true heading stays the same."""
     desk = Desk().come_to("ready", then_s=1.0)
     before, began = desk.setpoints()[-1].yaw, desk.now_s
     desk.set(yaw_rad=desk.yaw_rad + reset_rad).run(1.0)
@@ -292,7 +292,7 @@ def test_after_a_heading_reset_the_nose_returns_to_its_direction_within_the_turn
     (reset, *others) = sorted(turns_rad(desk.setpoints(began - STEP_S)), key=abs, reverse=True)
     assert reset == pytest.approx(0.9, abs=2 * fastest_rad)
     assert abs(others[0]) <= fastest_rad + 1e-6
-    # The aircraft comes nearer to its target meanwhile, which changes the direction to it.
+    # The direction to the target changes as the aircraft comes nearer.
     assert desk.setpoints()[-1].yaw == pytest.approx(wanted, abs=0.05)
 
 

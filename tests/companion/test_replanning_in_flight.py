@@ -1,4 +1,4 @@
-"""When the path changes in flight, and what is said of it."""
+"""Path changes in flight and their texts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INNER = 1
 
 
 class Risks:
-    """In the place of `update`: these indices, whatever is measured."""
+    """Replacement of `update`: fixed indices, whatever is measured."""
 
     def __init__(self):
         self.indices = RiskIndices()
@@ -40,7 +40,7 @@ def risks():
 
 @pytest.fixture
 def desk(risks):
-    """A companion that flies to the inner splice without any risk, places exposed or not."""
+    """A companion that flies to the inner splice without risk, exposed to failsafes or not."""
     usual = usual_planner()
     safety = replace(usual.vehicle.safety, exposure=0.0)
     desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, safety=safety)))
@@ -94,7 +94,7 @@ def test_the_status_has_the_reason_of_the_path(desk, risks):
     assert status["risk"]["wind"]["words"].startswith("wind 0.90")
 
 
-# What is left of the plan that is flown
+# Rest of the flown plan
 
 
 @pytest.fixture

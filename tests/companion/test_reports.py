@@ -1,4 +1,4 @@
-"""Reports of the mission: its state in every heartbeat, its changes as texts."""
+"""Reports of the mission: the state in every heartbeat, state changes as texts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_the_heartbeat_carries_the_number_of_the_mission_state():
 
 
 def test_a_state_that_is_entered_again_is_reported_again():
-    """A ground station shows the last text: it must not go on showing `holding`."""
+    """A ground station shows the last text: after a resume that must not be `holding`."""
     desk = Desk().come_to("flying", then_s=1.0)
     desk.pause().run(1.0).go_on().run(1.0).pause().run(1.0).go_on().run(1.0)
     assert desk.state == "flying"

@@ -1,4 +1,4 @@
-"""A process that is started beside an aircraft in flight: it says what it finds, and waits."""
+"""Restart of the service in flight: it reports the earlier mission and waits for an order."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ GIVEN = "MOAR: restarted, was flying inspection"
 
 
 def desk_after(state=MissionState.FLYING, task=REST, mode=OFFBOARD, **config):
-    """Another process flew; it ended twelve seconds after its state began."""
+    """A new process after one that ended twelve seconds after its state began."""
     before = MissionSnapshot(state=state, since_s=STARTED_S - 12.0, task=task, site=SITE.name)
     desk = Desk(before=before, **config)
     assert desk.now_s == STARTED_S
@@ -89,7 +89,7 @@ def test_a_release_before_the_planner_is_ready_discards_the_remaining_mission(co
     desk.companion.await_planner(compiling)
     desk.run(1.2).order(RELEASE).run(0.6)
     assert desk.answers() == [ACCEPTED]
-    assert desk.companion.memory.task is None  # nor is it continued after another crash
+    assert desk.companion.memory.task is None  # not continued after another crash
     desk.companion.take_ground(SiteMaps(site=desk.site, maps=desk.planner.maps))
     desk.run(1.2).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]

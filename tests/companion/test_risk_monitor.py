@@ -14,7 +14,7 @@ VEHICLE = named_vehicle("linedrone_uniform")
 
 
 class Aircraft:
-    """All is told ten times a second, and a motor is at its end; `silent` is told no more."""
+    """Reports ten times a second with one motor at its limit; messages in `silent` are missing."""
 
     def __init__(self):
         self.risk_monitor = RiskMonitor(None, VEHICLE)

@@ -1,4 +1,4 @@
-"""What a sensor sees in flight: new maps, another path, holds, and what operators are told."""
+"""Obstacles that a sensor sees in flight: new maps, another path, holds, texts."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def conductor(x_m, z_m, name="seen-1"):
 
 
 class Watched(Desk):
-    """A desk with a sensor that works, and sees what `conductors` and `solids` say."""
+    """A desk with a working sensor, which sees `conductors` and `solids`."""
 
     def __init__(self, **options):
         usual = usual_planner()
-        # Nobody else's maps are changed by what is seen here.
+        # Seen obstacles must not change the maps of other tests.
         super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
         self.conductors, self.solids = (), ()
         self.works = self.scans = True
@@ -109,7 +109,7 @@ def desk(flight):
 
 
 def ahead(desk, by_m=6.0):
-    """A place on the path ahead, so far from the aircraft."""
+    """A place on the path ahead, `by_m` from the aircraft."""
     x_m, _, z_m = desk.place_m
     points_m = desk.ahead_m
     far_m = np.hypot(*(points_m - (x_m, z_m)).T)

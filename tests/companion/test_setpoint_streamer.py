@@ -1,4 +1,4 @@
-"""The stream: what it is handed and must not send, it does not, and the flight is held instead."""
+"""The stream: a forbidden setpoint is not sent, and the mission holds."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_setpoint_with_a_forbidden_motion_is_replaced_by_the_previous_one_at_r
 
 
 def test_a_frame_shift_without_a_jump_moves_no_setpoint_in_the_autopilots_frame(monkeypatch):
-    """In the site's frame the setpoint goes on as it should."""
+    """In the site's frame the setpoint moves correctly."""
     desk = Desk().come_to("flying", then_s=5.0)
     began = desk.now_s
     monkeypatch.setattr(MissionExecutor, "shift", lambda *_: None)
@@ -90,7 +90,7 @@ def test_a_stopped_flight_searches_its_escape_route_from_its_place(monkeypatch):
 
 
 class Anywhere:
-    """A flight that lets a setpoint be anywhere, or nowhere: `reason`."""
+    """A flight that permits every setpoint, or refuses every one with `reason`."""
 
     blown_to_m, reason, seen_late = None, None, False
     path = SimpleNamespace(
@@ -105,7 +105,7 @@ class Anywhere:
 
 
 class Sent:
-    """A session that keeps the places of the setpoints that are handed to it."""
+    """A session that stores the places of its setpoints."""
 
     def __init__(self):
         self.places_ned_m = []
@@ -116,7 +116,7 @@ class Sent:
 
 @pytest.mark.parametrize(("ends", "sent"), [(False, 2), (True, 1)])
 def test_the_exception_for_a_setpoint_at_rest_after_a_jump_ends_with_the_stream(ends, sent):
-    """A place outside what may be flown, to which no jump has taken this flight."""
+    """A place outside the workspace, not caused by a jump in this flight."""
     planner, session, flight = usual_planner(), Sent(), Anywhere()
     frame = planner.site.frame
     plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), autopilots.PX4)

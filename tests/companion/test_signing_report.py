@@ -1,4 +1,4 @@
-"""Texts about refused packets: at once, seldom, and short enough for a pilot."""
+"""Texts about refused packets: immediate, rate-limited, short enough for a pilot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Senders who may not command, and floods of commands, against the whole companion."""
+"""Unauthorised senders and floods of commands, with the whole companion."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_strangers_hold_does_not_end_the_supervisors_escape_route():
     desk.handle(stranger.command(USER_1, HOLD)).run(2.0)
     assert desk.companion.status.task.mission.value == "exit"
     assert desk.state == "flying"
-    desk.order(HOLD).run(2.0)  # an operator, who knows of the battery
+    desk.order(HOLD).run(2.0)  # an operator who has received the text on the battery
     assert desk.state == "holding"
 
 
@@ -73,7 +73,7 @@ def test_an_order_that_the_site_denies_is_reported_on_its_senders_link_alone():
 
 
 def bytes_per_second(words=None, seconds=3.0):
-    """Sent packets on each link while an operator's link has 200 commands a second."""
+    """Sent bytes per second on each link while an operator sends 200 commands a second."""
     desk, number = Desk(links=LINKS).run(3.0), 0
     counted = {LINK: 0, OPERATOR_LINK: 0}
     send = desk.companion.data_to_send
@@ -105,7 +105,7 @@ def bytes_per_second(words=None, seconds=3.0):
 def test_two_hundred_bad_commands_a_second_cost_the_autopilots_link_nothing(words):
     flooded, usual = bytes_per_second(words), bytes_per_second()
     assert flooded[LINK] == usual[LINK]
-    assert flooded[OPERATOR_LINK] < usual[OPERATOR_LINK] + 2500.0  # the burst; then 700
+    assert flooded[OPERATOR_LINK] < usual[OPERATOR_LINK] + 2500.0  # a burst first, then 700
 
 
 @pytest.mark.parametrize("senders", [1, 4000])

@@ -1,4 +1,4 @@
-"""Ends of the stream; nothing but a new command begins it again."""
+"""Ends of the stream; only a new command starts it again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .desk import (
 
 @pytest.mark.parametrize("vehicle_type", [1, 20])
 def test_a_mission_for_a_vehicle_that_is_no_multirotor_is_rejected(vehicle_type):
-    """It would not hold a setpoint that stands still."""
+    """Such a vehicle cannot hold a setpoint at rest."""
     desk = Desk()
     desk.vehicle_type = vehicle_type
     desk.run(1.2).order(INSPECTION).run(1.0)
@@ -120,7 +120,7 @@ def test_a_mode_change_by_the_pilot_ends_the_stream_at_once():
     desk.run(4.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
-    desk.say_heartbeat(OFFBOARD).run(4.0)  # given back: not without a new command
+    desk.say_heartbeat(OFFBOARD).run(4.0)  # mode given back: a new command is needed
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
     desk.order(EVACUATION).run(1.0)
@@ -169,7 +169,7 @@ def test_a_failsafe_received_in_the_cycle_of_the_plan_streams_nothing():
 def test_an_autopilot_restart_releases():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.run_to_position().boot_s = 1.0
-    desk.run(0.36)  # until the new clock has run on
+    desk.run(0.36)  # until the new clock has advanced
     began = desk.now_s
     assert desk.state == "released"
     assert desk.said("the autopilot restarted")
@@ -195,7 +195,7 @@ def test_a_second_autopilot_in_flight_ends_the_stream():
     began = desk.now_s
     desk.handle(Peer(2, 1).heartbeat()).run(2.0)
     assert desk.state == "released"
-    last = desk.setpoints(began)  # to the one that was flown, to stand
+    last = desk.setpoints(began)  # a setpoint at rest, to the flown autopilot
     assert {(m.target_system, m.vx, m.vy, m.vz) for m in last} == {(1, 0.0, 0.0, 0.0)}
     assert not desk.setpoints(began + 0.1)
 
@@ -216,7 +216,7 @@ def test_the_hold_is_offered_for_thirty_seconds():
     assert desk.state == "ready"
     assert len(desk.setpoints(began)) == pytest.approx(29.5 * 50, abs=2)
     assert {(m.vx, m.vy, m.vz) for m in desk.setpoints(began)} == {(0.0, 0.0, 0.0)}
-    desk.run(1.6)  # by the next heartbeat, which says the mode
+    desk.run(1.6)  # until the next heartbeat, which has the mode
     assert desk.state == "idle"
     ended = desk.now_s
     desk.run(5.0)
@@ -237,7 +237,7 @@ def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_received()
 
 
 def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
-    """Given OFFBOARD then, the aircraft would be drawn back to where the hold was."""
+    """With OFFBOARD then, the aircraft would fly back to the hold."""
     desk = Desk().come_to("ready")
     desk.drift(0.0, 1.0, 0.0).run(1.0)
     assert desk.state == "ready"
@@ -357,7 +357,7 @@ def test_a_failsafe_while_the_pilot_flies_releases():
 
 @flown_once
 def at_the_end(behind_m):
-    """At the end of its way to a target, the aircraft so far from it."""
+    """At the end of the path to a target, with the aircraft `behind_m` away from it."""
     desk = Desk().come_to("flying")
     desk.fall_behind(0.0, behind_m, 0.0)
     while not desk.companion._executor.routes.flight.arrived:
@@ -460,7 +460,7 @@ def test_the_last_setpoint_is_at_the_previous_one_wherever_the_aircraft_is():
 def test_after_a_pause_of_the_shell_no_setpoint_is_sent(state):
     desk = Desk().come_to(state)
     began = desk.now_s
-    desk.step(1.5)  # what was in the sockets meanwhile is old, and looks new
+    desk.step(1.5)  # data that waited in the sockets is old, but looks new
     desk.run(5.0)
     assert desk.state == "released"
     assert desk.said("control loop stalled 1.5 s")
@@ -470,7 +470,7 @@ def test_after_a_pause_of_the_shell_no_setpoint_is_sent(state):
 def test_a_late_shell_does_not_make_the_setpoint_jump():
     desk = Desk().come_to("flying", then_s=4.0)
     before = desk.setpoints()[-1]
-    desk.now_s += 0.4  # the process was held up
+    desk.now_s += 0.4  # the process was delayed
     desk.step()
     after = desk.setpoints()[-1]
     moved = math.dist((before.x, before.y, before.z), (after.x, after.y, after.z))
@@ -490,7 +490,7 @@ def test_a_heading_that_is_no_number_is_held_and_never_sent():
 
 
 def test_conditions_that_begin_or_end_together_are_recorded_in_the_order_of_the_ruling():
-    """The same in each process, whatever its strings hash to."""
+    """The order is the same in each process, whatever the hashes of strings."""
     desk = Desk()
     desk.companion.tick(desk.now_s)
     acting = [item.condition.name for item in desk.companion.ruling.conditions]

@@ -1,4 +1,4 @@
-"""Texts for pilots: one chunk each, with value, limit and action, whatever is told or named."""
+"""Texts for pilots: one chunk each, with value, limit and action, for all reasons and names."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_whatever_is_to_be_said_fits_into_one_chunk_with_what_is_done(reason, ac
 
 
 def extreme(value):
-    """Inputs where every measurement is this much beyond its limit."""
+    """Inputs in which every measurement is beyond its limit by this much."""
     late = PeerHeartbeat(received_s=NOW_S - value, system_id=255)
     place = (value, -value, -value)
     return [

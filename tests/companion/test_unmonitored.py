@@ -1,4 +1,4 @@
-"""Missing measurements as told to an operator; an order overrides only what its operator knew."""
+"""Missing measurements in texts; an order overrides only conditions reported before it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def flown(desk):
 
 
 def act(desk, name, seconds=5.0):
-    """Until a condition acts."""
+    """Runs until a condition acts."""
     for _ in range(round(seconds / STEP_S)):
         if any(item.condition.name == name for item in desk.companion.ruling.conditions):
             return desk
@@ -44,7 +44,7 @@ def test_a_hold_that_crosses_a_critical_battery_holds_until_the_evacuation_begin
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [ACCEPTED])
     desk.run(2.0)
     assert (desk.state, flown(desk)) == ("flying", Mission.EVACUATION)
-    desk.pause().run(4.0)  # now he knows
+    desk.pause().run(4.0)  # the operator has received the text
     assert desk.state == "holding"
 
 
@@ -62,7 +62,7 @@ def test_a_flight_ordered_just_as_the_position_jumps_is_rejected_with_the_reason
     answers = desk.answers() if mission else desk.answers(PAUSE_CONTINUE)
     assert (desk.state, answers[-1]) == ("holding", TEMPORARILY_REJECTED)
     assert desk.said("the position jumped 4.5 m > 0.9, rejected")
-    desk.go_on().run(0.5)  # now he knows
+    desk.go_on().run(0.5)  # the operator has received the text
     assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("flying", ACCEPTED)
 
 
@@ -71,7 +71,7 @@ def test_the_escape_route_that_the_supervisor_has_just_begun_may_be_ordered_as_w
     assert (desk.answers()[-1], flown(desk)) == (ACCEPTED, Mission.EVACUATION)
 
 
-# What is told -----------------------------------------------------------------------------------
+# Texts ------------------------------------------------------------------------------------------
 
 
 TROUBLE = {

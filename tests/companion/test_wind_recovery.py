@@ -1,4 +1,4 @@
-"""Blown off: what the setpoint does, and the way back, without an aircraft that flies."""
+"""Blown off by wind: motion of the setpoint and the recovery path, without a flying aircraft."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def within(min_altitude_m):
 
 
 class Silent:
-    """Reports that nobody reads."""
+    """Reports that are discarded."""
 
     def send_text(self, *_, **__):
         pass
@@ -60,7 +60,7 @@ def place_m(flight):
 
 
 def at_rest(flight, seconds=1.6):
-    """The aircraft stands at its setpoint for a while."""
+    """Keeps the aircraft at rest at its setpoint."""
     here = replace(pose(0.0, 0.0), position_m=place_m(flight))
     for _ in range(round(seconds / STEP_S)):
         flight.advance(here, STEP_S, holds=True)
@@ -126,7 +126,7 @@ def test_a_recovery_path_from_above_is_flown_no_faster_than_the_vehicle_descends
 def test_below_the_least_altitude_the_setpoint_follows_the_aircraft_no_lower(
     x_m, blown_z_m, carried_z_m
 ):
-    """As from the end of a landing leg."""
+    """As at the end of a landing leg."""
     flight = PathFollower(within(5.0), pose(x_m, 4.5))
     flight.advance(pose(x_m + 4.0, blown_z_m, 3.0), STEP_S, holds=True)
     for step in range(200):
@@ -161,7 +161,7 @@ def past_a_wire():
     ("aircraft_x_m", "carried_x_m"), [(8.0, 5.0), (5.0, 4.25), (-10.0, -7.0), (-1.0, -0.25)]
 )
 def test_the_recovery_path_passes_no_conductor(aircraft_x_m, carried_x_m):
-    """Blown past it by a little more or less than the leash of 3 m."""
+    """Blown past the conductor by slightly more or less than the leash of 3 m."""
     space = past_a_wire()
     from_x_m = 2.0 * WIRE_M[0] - aircraft_x_m
     place = space.carried_m((from_x_m, 0.0, 10.0), (aircraft_x_m, 0.0, 10.0), 3.0)
