@@ -1,4 +1,4 @@
-"""Failsafes that ArduPilot reports while GUIDED goes on, and lost links that end our mode."""
+"""Failsafes that ArduPilot reports while GUIDED stays on; lost links that end GUIDED."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def states_since(flight, time_s):
 
 
 def test_a_low_battery_without_an_action_does_not_end_the_escape_route():
-    """Out of the inner position: flown to its end, in status 5."""
+    """From the inner position, flown to its end in system status 5."""
     flight = guided(options={"parameters": WARNS}, start_m=(15.0, 0.0))
     flight.begin(INSPECTION, 1)
     flight.run_until_state("at_target", 120.0)
@@ -203,7 +203,7 @@ def test_a_lost_link_that_the_autopilot_acts_on_releases(manner, lose, within_s)
 
 
 def test_guided_during_a_landing_counts_as_in_the_air_while_the_landing_is_still_reported():
-    """EXTENDED_SYS_STATE tells a landing for 40 to 110 ms after it was ended."""
+    """EXTENDED_SYS_STATE reports a landing for 40 to 110 ms after its end."""
     flight = guided()
     flight.begin(INSPECTION)
     flight.run(4.0)

@@ -32,7 +32,7 @@ def worsen_link(flight, loss_percent=30.0, delay_ms=50.0, jitter_ms=150.0):
 
 
 def insist(flight, mission, states, index=-1):
-    """An operator who orders again until the order is carried out: orders are lost, too."""
+    """An operator who repeats the order until it is carried out: orders are lost, too."""
     for _ in range(10):
         flight.operator.mission(mission, index)
         flight.run(1.5)
@@ -126,7 +126,7 @@ def test_missing_mode_reports_end_control_while_other_packets_arrive(manner):
 
 
 def test_missing_armed_state_reports_end_control_while_the_mode_is_reported():
-    """PX4 tells the mode by CURRENT_MODE, too; HEARTBEAT alone tells whether it is armed."""
+    """PX4 reports the mode by CURRENT_MODE, too; only HEARTBEAT has the armed state."""
     flight = in_flight(Manner.PX4)
     handle = flight.handle
     flight.handle = lambda data: handle(without(data, {"HEARTBEAT"}))
@@ -139,6 +139,6 @@ def test_missing_armed_state_reports_end_control_while_the_mode_is_reported():
 
 
 def without(data, names):
-    """Bytes of whole packets less those of some messages."""
+    """Bytes of whole packets without those of some messages."""
     ids = {NUMBERS[name] for name in names}
     return b"".join(item for item in packets(data) if packet_header(item)[0] not in ids)

@@ -1,4 +1,4 @@
-"""Wind that no aircraft holds against, and the way back when it falls: true speeds and places."""
+"""Wind beyond what the aircraft can hold, and the recovery after it: true speeds and places."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UNWINDING_S = 10.0
 
 @flown_once
 def blown_off(manner: Manner, from_deg: float = 250.0) -> Lockstep:
-    """In an inspection for 4 s, then 13 m/s for 4 s; at its end, still in the wind."""
+    """An inspection for 4 s, then wind of 13 m/s for 4 s, which continues."""
     flight = hovering(manner=manner)
     if manner is Manner.PX4:
         flight.autopilot.conditions.drag_per_s = SIH_DRAG_PER_S
@@ -55,7 +55,7 @@ def error_m(flight) -> float:
 
 
 def watched(flight, seconds, look):
-    """The values of a function ten times a second."""
+    """Values of a function, ten times a second."""
     values = []
     for _ in range(round(seconds * 10.0)):
         flight.run(0.1)
@@ -153,7 +153,7 @@ def test_too_far_outside_an_order_is_refused_with_the_distance():
 
 
 def test_blown_off_across_the_plane_the_aircraft_returns_straight_to_it():
-    """From the side: 13 m/s across."""
+    """Wind of 13 m/s across the plane."""
     flight = blown_off(Manner.ARDUPILOT, 340.0)
     assert abs(flight.companion.pose.position_m[1]) > 9.0
     assert error_m(flight) <= 1.0
@@ -166,7 +166,7 @@ def test_blown_off_across_the_plane_the_aircraft_returns_straight_to_it():
 
 @pytest.mark.parametrize("drag_per_s", sampled([1.0], [0.1, 1.0]))
 def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
-    """The vehicle file has the default drag; with 1.0 /s gusts of 3.9 m/s were told."""
+    """The vehicle file has the default drag; with 1.0 /s gusts of 3.9 m/s were reported."""
     monkeypatch.setattr(lockstep, "as_simulated", lambda vehicle, _: vehicle)
     flight = Lockstep()
     assert flight.vehicle.risk == RiskModel()
@@ -182,6 +182,6 @@ def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
     seen = watched(flight, 25.0, told)
     assert max(wind for wind, _, _ in seen) < 3.0
     assert max(gusts for _, gusts, _ in seen) < 1.0
-    known = seen[150:]  # an unknown wind is a risk of its own at first
+    known = seen[150:]  # at first the wind is unknown, which raises the risk
     assert max(risk for _, _, risk in known) < 0.15
     assert not any("wind" in text for text in flight.operator.texts())

@@ -1,6 +1,6 @@
-"""The companion fails in flight: the stream ends at once, and nothing is hit.
+"""Companion failure in flight: the stream ends at once, without a collision.
 
-At an instant of a flight the autopilot is copied and flown on alone, until it rests or has landed.
+At many instants of a flight a copy of the autopilot flies on alone, until it rests or has landed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ SETS = {
 
 @dataclass
 class Failures:
-    """Flies until the companion fails: the least distance from hull to obstacle after it."""
+    """Companion failures in one flight; least distance from hull to obstacle after each."""
 
     flight: Lockstep
     every_s: float
@@ -58,7 +58,7 @@ class Failures:
     _due_s: float = field(default=-math.inf)
 
     def fly(self, mission, index=-1, *, timeout_s=300.0):
-        """A mission until it holds at its end; whether it was accepted."""
+        """Flies a mission to its end; returns True if it was accepted."""
         flight = self.flight
         answers = len(flight.operator.answers())
         flight.operator.mission(mission, index)
@@ -89,10 +89,10 @@ class Failures:
 
 
 def flown_on(flight):
-    """Where the aircraft is from now on without a companion, ten times a second."""
+    """Places of the aircraft without a companion from now on, ten times a second."""
     autopilot = copy_of(flight.autopilot)
     for schedule in dict(autopilot.manner._schedules).values():
-        schedule._due.clear()  # nobody listens, and telling is half of its work
+        schedule._due.clear()  # messages have no receiver, and take half of the time
     now_s, stands_since_s, places = flight.now_s, math.inf, []
     while now_s < flight.now_s + FLOWN_ON_S and not autopilot.truth.on_ground:
         now_s += LOOKED_AT_S
@@ -111,7 +111,7 @@ def flown_on(flight):
 
 
 def _waits(truth):
-    """PX4 has not noticed yet, and may still land or return."""
+    """True if PX4 has not detected the loss yet, and may still land or return."""
     return truth.mode == "OFFBOARD"
 
 
@@ -176,7 +176,7 @@ def test_a_companion_failure_anywhere_on_any_accepted_mission_causes_no_collisio
     assert count * EVERY_S > 30.0
 
 
-# What is refused --------------------------------------------------------------------------------
+# Refusals ---------------------------------------------------------------------------------------
 
 
 def test_a_return_that_would_climb_through_a_conductor_is_denied_with_the_remedy():
@@ -207,7 +207,7 @@ def test_with_the_warn_policy_the_same_missions_are_flown_with_a_warning():
     assert flight.state == "flying"
 
 
-# Orderly silence --------------------------------------------------------------------------------
+# Orderly end ------------------------------------------------------------------------------------
 
 
 def released(flight):

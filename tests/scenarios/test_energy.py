@@ -1,4 +1,4 @@
-"""Energy in flight: what was foretold is used, and a battery that drains is left in time."""
+"""Energy in flight: accuracy of the forecast, and the exit on a draining battery."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def test_after_a_minute_the_energy_of_the_planned_flight_is_estimated(case):
 
 def test_an_escape_route_begins_while_a_draining_battery_still_suffices():
     x500 = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
-    # It drains four times as fast as the file says: 45 % are not two minutes, one of which is to be
-    # left in the end.
+    # The battery drains four times as fast as in the file: 45 % last less than two minutes, of
+    # which one is the reserve.
     vehicle = replace(x500, power=Power(hover_w=332.0, capacity_wh=CAPACITY_WH))
     flight = Lockstep(vehicle=vehicle, supervision=Supervision(battery_reserve=0.0))
     flight.autopilot.conditions.drain_factor = 4.0

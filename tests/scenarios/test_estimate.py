@@ -1,4 +1,4 @@
-"""A position that is not what it was, and plans that do not come, beside both autopilots."""
+"""Position jumps and resets, and late or missing plans, with both autopilots."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def jumps_m(flight):
 
 
 def judge_what_was_flown(flight, began_s):
-    """After a jump the aircraft flies on, and comes back slowly: it does not chase its place."""
+    """Asserts that after a jump the aircraft returns to its path slowly."""
     fastest_mps = max(
         math.hypot(*truth.velocity_ned_mps)
         for truth in flight.truths
@@ -79,7 +79,7 @@ def test_a_jump_beyond_the_limit_holds_until_an_operator_orders_again(manner):
 
 
 def test_a_small_reset_is_detected_only_by_the_estimators_reset_counter():
-    """PX4 counts it in ODOMETRY; of ArduPilot the same step is flown out."""
+    """PX4 counts resets in ODOMETRY; an ArduPilot flies the same step back."""
     flight = in_flight()
     flight.autopilot.jump(0.3, 0.0)
     flight.run(1.0)
@@ -99,7 +99,7 @@ def test_a_reset_that_moves_nothing_is_no_jump():
 
 
 def test_a_receiver_that_repeats_its_last_values_holds_until_the_autopilot_acts():
-    """ArduPilot goes on telling a dead receiver's last good values for 4 s."""
+    """ArduPilot repeats the last good values of a failed receiver for 4 s."""
     flight = in_flight(Manner.ARDUPILOT)
     flight.autopilot.conditions.gps_mode = GPS_SILENT
     flight.run_until_state("holding", 4.0)

@@ -34,7 +34,7 @@ LANDING = {Manner.ARDUPILOT: "LAND", Manner.PX4: "AUTO.LAND"}
 
 
 def over_a_conductor(flight):
-    """True if straight down from here the aircraft would come within a conductor's keep-out."""
+    """True if a vertical descent from here would enter a conductor's keep-out."""
     x_m, _, z_m = true_places(flight)[-1]
     return any(
         abs(item.position_m[0] - x_m) < flight.vehicle.radius_m + item.keep_out_m
@@ -84,7 +84,7 @@ def test_the_exit_begins_so_early_that_the_battery_is_never_critical_over_a_cond
 
 @pytest.mark.slow
 def test_where_a_low_battery_only_brakes_the_exit_begins_before_the_low_battery_action():
-    """BRAKE takes the mode: nobody would lead the aircraft away before the critical one lands."""
+    """BRAKE takes the mode: then no exit is possible before the critical-battery landing."""
     flight = Lockstep(
         manner=Manner.ARDUPILOT,
         options={

@@ -1,4 +1,4 @@
-"""The autopilot's own fence: planned inside with a margin, or denied with its name."""
+"""The autopilot's fence: missions are planned inside with a margin, or denied with its name."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ WITHOUT_AND_WITH = [
     sampled(WITHOUT_AND_WITH[:2], WITHOUT_AND_WITH),
 )
 def test_under_a_ceiling_another_path_is_flown(manner, parameters, lowest_m, highest_m):
-    """Past two conductors: above both it is safer than between them."""
+    """Past two conductors: a path above both is safer than between them."""
     base = Lockstep().site
     conductors = tuple(
         replace(base.obstacles[0], name=name, position_m=(15.0, z_m), keep_out_m=0.0)
@@ -139,7 +139,7 @@ def test_under_a_ceiling_another_path_is_flown(manner, parameters, lowest_m, hig
 
 @BOTH
 def test_a_fence_lowered_in_flight_is_kept(manner):
-    """The path is held before the new fence, and planned anew inside or given up."""
+    """The flight holds before the new fence, and is planned again inside or ends."""
     flight = fenced(manner, CEILING[manner](60.0))
     flight.begin(INSPECTION, 0)
     flight.run(3.0)
@@ -166,7 +166,7 @@ def polygon(flight, corners_m, command=POLYGON_INCLUSION):
 
 @BOTH
 def test_uploaded_areas_count_without_a_notification(manner):
-    """A polygon first; then one that lets all through, and a circle around the exit's landing."""
+    """A polygon first; then a wide one, and a circle around the landing point of the exit."""
     parameters = {} if manner is Manner.PX4 else {"FENCE_ENABLE": 1, "FENCE_TYPE": 4}
     flight = fenced(manner, parameters)
     flight.operator.upload_fence(polygon(flight, [(15, -20), (35, -20), (35, 20), (15, 20)]))
@@ -178,7 +178,7 @@ def test_uploaded_areas_count_without_a_notification(manner):
     flight.operator.upload_fence([circle, *wide])
     flight.run(11.0)
     assert refused(flight, EXIT) == "MOAR: fence exclusion circle 1, denied"
-    # The evacuation leads to its other landing point, at -10 m.
+    # The evacuation has another landing point, at -10 m.
     flight.operator.mission(EVACUATION)
     flight.give_mode()
     assert flight.operator.answers()[-1] == ACCEPTED
@@ -195,7 +195,7 @@ def test_a_fence_without_an_action_is_kept_in_planning():
 
 
 def test_an_exit_from_outside_the_fence_flies_back_inside():
-    """The fence has no action; it is drawn in behind the aircraft."""
+    """A lower fence is set while the aircraft is above it."""
     flight = fenced(Manner.PX4, {"GF_MAX_HOR_DIST": 100.0, "GF_ACTION": 1})
     flight.begin(INSPECTION, 0)
     flight.run_until(lambda: height_m(flight) > 8.5, 60.0)

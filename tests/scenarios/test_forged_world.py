@@ -1,4 +1,4 @@
-"""Packets that are late, or of somebody who takes the autopilot's ids: nothing is chased."""
+"""Late packets, and forged packets with the autopilot's ids: the aircraft does not follow them."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def told_origin(flight):
 
 
 class Intruder:
-    """Somebody on the link who speaks with the autopilot's ids, and in its order."""
+    """A sender on the link with the autopilot's ids and sequence numbers."""
 
     def __init__(self, flight):
         self.flight = flight
         self.received = []
-        """(time, message id, packet) of everything the autopilot said."""
+        """(time, message id, packet) of every packet of the autopilot."""
         self.origin = told_origin(flight)
         """The true one: latitude and longitude in 1e-7 degrees, altitude in mm."""
         self.boot_ms = 0
@@ -82,7 +82,7 @@ class Intruder:
         self._handle(message.pack(self._codec))
 
     def say_again(self, message_id, late_s):
-        """The packet of this kind that was heard so long ago, once more."""
+        """Sends again the packet of this kind that was received `late_s` ago."""
         reported_s = self.flight.now_s - late_s
         self._handle(
             next(
@@ -93,7 +93,7 @@ class Intruder:
         )
 
     def origin_off(self, north_m, east_m, up_m=0.0):
-        """GPS_GLOBAL_ORIGIN, so far from the true one."""
+        """GPS_GLOBAL_ORIGIN at an offset from the true one."""
         latitude_e7, longitude_e7, altitude_mm = self.origin
         scale = math.cos(math.radians(latitude_e7 * 1e-7))
         return mavlink.MAVLink_gps_global_origin_message(
@@ -105,7 +105,7 @@ class Intruder:
 
 
 def steps_m(flight, since_s):
-    """From each setpoint to the next one, in the local frame."""
+    """Distances between successive setpoints, in the local frame."""
     places = [
         (s.message.x, s.message.y, s.message.z) for s in flight.setpoints if s.time_s > since_s
     ]
@@ -117,7 +117,7 @@ def jumps(flight):
 
 
 def told(flight, cause):
-    """The texts that tell the pilot this cause of a hold with its distance and limit."""
+    """Texts to the pilot with this cause of a hold, its distance and limit."""
     words = rf"MOAR: {cause} ([\d.]+ m > [\d.]+|over [\d.]+ m), holding"
     return [text for text in flight.operator.texts() if re.fullmatch(words, text)]
 
@@ -157,7 +157,7 @@ def test_old_packets_of_every_kind_in_one_burst_are_no_restart(manner):
 
 
 def creep(flight, *, forge_global=False):
-    """Tells an origin that creeps at 0.1 m/s, and no other, until it is held; by how much then."""
+    """Sends an origin that drifts at 0.1 m/s until the mission holds; returns the offset then."""
     intruder, began_s = Intruder(flight), flight.now_s
 
     def east_m():
@@ -202,7 +202,7 @@ def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(ma
 
 @ARDUPILOT_FIRST
 def test_forged_origins_between_true_ones_are_held_too(manner):
-    """By whichever comes first: the setpoint may not go to and fro either."""
+    """Any of the causes is correct; the setpoint must not alternate between the origins."""
     flight = in_flight(manner, target=-1)
     intruder, began_s = Intruder(flight), flight.now_s
     while flight.state != "holding" and flight.now_s < began_s + 20.0:
@@ -215,7 +215,7 @@ def test_forged_origins_between_true_ones_are_held_too(manner):
 
 @ARDUPILOT_FIRST
 def test_an_origin_that_moves_by_less_than_a_jump_moves_no_setpoint_at_once(manner):
-    """Half a metre is drawn back to as slowly as the aircraft moves over to its path."""
+    """The setpoint fades back over half a metre as slowly as onto a new path."""
     flight = in_flight(manner)
     intruder = Intruder(flight)
     flight.run(0.2)

@@ -1,6 +1,6 @@
-"""A receiver that knows its place worse in flight: the path keeps away, or the mission waits.
+"""A receiver that becomes less accurate in flight: the path keeps away, or the mission holds.
 
-ArduPilot's receiver tells its accuracy, by which SIM_GPS_HDOP moves; the margin allows for 0.5 m.
+ArduPilot's receiver reports its accuracy, which SIM_GPS_HDOP sets; the margin allows for 0.5 m.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def narrow_site():
 
 
 def over_the_narrow_site():
-    """Weights are the same in all: only distances count here, not the receiver's effect on them."""
+    """All weights are equal: only distances count, not the receiver's effect on weights."""
     return hovering(
         site=narrow_site(),
         vehicle="linedrone",
@@ -55,7 +55,7 @@ def over_the_narrow_site():
 
 @flown_once
 def flight_to_the_far_circuit():
-    """Just under way from the near target to the far one, between the conductors."""
+    """Just after the start from the near target to the far one, between the conductors."""
     flight = over_the_narrow_site()
     flight.begin(INSPECTION)
     flight.run_until_state("at_target", 60.0)
@@ -68,7 +68,7 @@ def know_to(flight, accuracy_m):
 
 
 def least_room_m(flight, since):
-    """From the hull at the setpoints since then to the nearest keep-out."""
+    """Least distance from the hull at the setpoints since then to the nearest keep-out."""
     places = setpoint_places(flight, flight.setpoints[since:])
     return min(clearances_m(flight.site, places, keep_out=True)) - flight.vehicle.radius_m
 
@@ -87,7 +87,7 @@ def test_the_path_moves_away_from_the_conductors_and_the_mission_continues():
     assert flight.companion.status.task.stops == ("splice-inner",)
     replans = [item.data["reason"] for item in flight.decisions if item.kind == "replan"]
     assert "obstacles wider by 0.0 -> 0.9 m" in replans
-    # Cells are kept clear by their centres.
+    # A cell is free if its centre is.
     assert least_room_m(flight, since) > ARDUPILOT_MARGIN_M + 0.85 - 0.15
     assert_it_was_sound(flight)
 
@@ -96,7 +96,7 @@ def test_the_mission_holds_with_the_value_reported_until_the_position_is_more_ac
     flight = flight_to_the_far_circuit()
     know_to(flight, 1.6)
     flight.run_until_state("holding", 3.0)
-    flight.run(3.0)  # an escape leg would lead out of there, but not to the target
+    flight.run(3.0)  # an escape leg exists, but no path to the target
     assert flight.operator.has_received("MOAR: no room here, uncertainty 1.6 m")
     assert flight.operator.has_received("no path, uncertainty 1.6 m, holding")
     asked = len([item for item in flight.decisions if item.kind == "replan"])

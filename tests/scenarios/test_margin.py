@@ -1,4 +1,4 @@
-"""The margin in flight: by truth nothing is touched, whatever wind and estimator make of it."""
+"""The margin in flight: no true collision under wind and errors of the estimate."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def site_with_a_wall(beside_m=BESIDE_M):
 
 @flown_once
 def beside_the_wall():
-    """At the target."""
+    """A flight that is at the target beside the wall."""
     flight = hovering(site=site_with_a_wall(), vehicle="x500", start_m=(20.0, 0.0))
     flight.begin(INSPECTION, 0)
     flight.run_until_state("at_target", 90.0)
@@ -62,7 +62,7 @@ def test_beside_a_wall_without_a_keep_out_wind_causes_no_collision(manner):
 def test_beside_a_wall_an_error_beyond_the_reported_accuracy_causes_no_collision(
     manner, factor, error_m
 ):
-    """As far off as each was seen to be; no accuracy told shows it."""
+    """The greatest error that was measured of each autopilot; the reported accuracy hides it."""
     flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner)
     flight.autopilot.conditions.gps_noise_factor = factor
     flight.autopilot.conditions.wind_mps = 4.5
@@ -75,7 +75,7 @@ def test_beside_a_wall_an_error_beyond_the_reported_accuracy_causes_no_collision
         reported_m.append(flight.companion.risk.indices.localization)
     assert flight.state in {"at_target", "holding"}
     assert max(errors_m) > error_m, max(errors_m)
-    assert max(reported_m[5:]) < 0.2  # unknown is a risk of its own at first
+    assert max(reported_m[5:]) < 0.2  # at first the accuracy is unknown, which raises the risk
     assert_nothing_was_touched(flight)
 
 

@@ -1,7 +1,7 @@
-"""Outside the workspace: what an order finds there, by the aircraft that flies it.
+"""Orders outside the workspace, by the true flight.
 
-On the landing leg of the exit 1.5 m past the border a pilot takes the mode, or the process is
-started anew without what it knew; above the landing point an inspection begins. Below the least
+On the landing leg of the exit 1.5 m past the border a pilot takes the mode, or the process
+restarts without a state file. Above the landing point an inspection begins. Below the least
 altitude, inside or outside, an order climbs first.
 """
 
@@ -73,7 +73,7 @@ def on_the_leg(manner: Manner, low: bool = False) -> Lockstep:
 
 
 def left(manner, how, *, low=False):
-    """The same, taken over by the pilot, or after a crash that has left no state file."""
+    """A flight on the leg after a takeover, or after a crash without a state file."""
     flight = on_the_leg(manner, low)
     if how == "crash":
         flight.companion = flight.new_companion()
@@ -85,7 +85,7 @@ def left(manner, how, *, low=False):
 
 
 def flown(flight, order, until):
-    """The order is accepted and flown; the least x on the way."""
+    """Flies an accepted order to a state; returns the least x on the path."""
     order()
     flight.give_mode()
     assert flight.operator.answers()[-1] == ACCEPTED

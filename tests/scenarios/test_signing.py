@@ -1,4 +1,4 @@
-"""Flights on signed links: they fly as others do, and what is not signed changes nothing."""
+"""Flights on signed links: the same flight as without signing; unsigned packets have no effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The supervisor in flight, beside both autopilots: it holds, goes on, or leads out in time."""
+"""The supervisor in flight, with both autopilots: hold, resume, escape route in time."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_battery_at_its_reserve_makes_the_aircraft_exit_to_above_the_landing_p
 
 @BOTH
 def test_a_battery_that_becomes_critical_on_the_exit_begins_an_evacuation(manner):
-    """ArduPilot calls it a failsafe even where it does nothing."""
+    """ArduPilot reports a failsafe even without an action."""
     flight = in_flight(manner)
     if manner is Manner.ARDUPILOT:
         flight.autopilot.set_parameter("BATT_FS_CRT_ACT", 0)
@@ -85,7 +85,7 @@ def test_a_battery_that_becomes_critical_on_the_exit_begins_an_evacuation(manner
     assert flight.operator.has_received("MOAR: battery 0 is critical, evacuating")
     flight.run_until_state("landing_leg", 60.0)
     assert flown(flight) == "evacuation"
-    # It turns round on the leg of the exit, which has led it a little out of the workspace.
+    # The aircraft turns round on the landing leg of the exit, a little outside the workspace.
     assert_nothing_was_touched(flight)
     assert_setpoints_never_jump(flight)
 

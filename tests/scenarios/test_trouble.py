@@ -1,4 +1,4 @@
-"""Trouble in flight: pilots, failsafes, links and gusts; what was let go stays let go."""
+"""Trouble in flight: pilots, failsafes, links and gusts; released control stays released."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_on_a_critical_battery_the_autopilot_acts_and_only_a_new_order_starts_a_
     released = flight.now_s
     flight.run(4.0)
     assert silent_since(flight, released, 0.0)
-    # He knows, stops the landing, and wants it out by the planned way all the same.
+    # The operator stops the landing and orders the planned evacuation.
     flight.operator.mode("hold")
     flight.run_until(lambda: flight.truth.landed_state == 2, 5.0)
     flight.run(2.0)

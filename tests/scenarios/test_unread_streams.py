@@ -1,4 +1,4 @@
-"""Streams that the companion does not read are asked down, where nobody else does read them."""
+"""Rates of unread streams: reduced where no other system reads them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ STREAMED_HZ = 50
 
 
 class Wire(Lockstep):
-    """Counts what comes on the companion's link, and hears the ground station there or not."""
+    """Counts packets on the companion's link, with or without a ground station there."""
 
     def __init__(self, manner):
         super().__init__(manner=manner)
@@ -50,13 +50,13 @@ class Wire(Lockstep):
         super().handle(data)
 
     def rates_hz(self, seconds=10.0):
-        """By message id, over the next seconds."""
+        """Rates by message id, over the next seconds."""
         self.come.clear()
         self.run(seconds)
         return {message_id: count / seconds for message_id, count in self.come.items()}
 
     def stream_everything(self):
-        """As ArduPilot's SR2 parameters would; the companion's own ids, for nobody else is here."""
+        """As ArduPilot's SR2 parameters; with the companion's ids, the only ones on this link."""
         packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
         request = packer.request_data_stream_encode(1, 1, 0, STREAMED_HZ, 1)
         self.autopilot.receive("companion", request.pack(packer))

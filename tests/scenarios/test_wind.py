@@ -1,4 +1,4 @@
-"""Wind from tilt in lockstep: its own manoeuvres are not wind, and wind is followed."""
+"""Wind from tilt in lockstep: own manoeuvres are no wind, and true wind is followed."""
 
 from __future__ import annotations
 
