@@ -111,7 +111,7 @@ _MACHINES = {
     "vehicle",
     "_codec",
 }
-"""Of a desk that has not begun: the same for all whose other attributes are the same."""
+"""Parts of a desk before its start: equal for desks whose other attributes are equal."""
 _came = {}
 
 
@@ -158,19 +158,19 @@ class Desk:
         self.ours = OFFBOARD if px4 else GUIDED
         self.mode, self.system_status = AUTO_HOLD if px4 else LOITER, ACTIVE
         self.velocity_ned_mps = (0.0, 0.0, 0.0)
-        """As the autopilot tells it."""
+        """As the autopilot reports it."""
         self.yaw_rad, self.yaw_rate_radps = 0.3, 0.0
         """Progress likewise: the nose does not follow the setpoints."""
         self.armed, self.landed_state = True, 2
         self.estimate_off_ned_m = (0.0, 0.0, 0.0)
         """Distance of the estimator's frame from the one in which `position_ned_m` is."""
         self.behind_ned_m = (0.0, 0.0, 0.0)
-        """Where the aircraft is from its setpoint."""
+        """Offset of the aircraft from its setpoint."""
         self.boot_s = 100.0
         self.reset_counter = None
         """Reset counter of ODOMETRY; None where the autopilot sends none."""
         self.position_boot_s = None
-        """The clock in LOCAL_POSITION_NED when it stands still."""
+        """Frozen clock of LOCAL_POSITION_NED; None while the clock runs."""
         self.parameters = {**profile(kind_of(autopilot)).failsafe_defaults, **PARAMETERS}
         self.fence_items = fence_items
         """Number of fence items that the autopilot reports; it sends none."""
@@ -186,7 +186,7 @@ class Desk:
         """Types of messages that the autopilot does not send."""
         self.now_s = 50.0
         self.received = []
-        """(time, link, bytes) of everything the companion heard."""
+        """(time, link, bytes) of all data that the companion received."""
         self.answered = []
         """(job, answer) of the planner."""
         self.plan_delay_s = plan_delay_s
@@ -198,7 +198,7 @@ class Desk:
         self.contingencies = False
         """True if the planner answers the jobs of contingencies, too."""
         self.sent = []
-        """(time, link, message) of everything the companion sent."""
+        """(time, link, message) of every message that the companion sent."""
         self.decisions = []
         self.raw = b""
         self._codec = mavlink.MAVLink(None)

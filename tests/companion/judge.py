@@ -37,20 +37,20 @@ from .desk import (
 LIMITS = Supervision(position_uncertainty_m=KEEP_OUT_M)
 _ATTITUDE_S = 1.0
 _SECOND_S = 1.0
-"""A second autopilot is remembered at least for so long."""
+"""Least time for which a second autopilot counts after its last heartbeat."""
 _CLOCK_BACK_MS = 2000
 _FORGIVEN_M = 2e-3
-"""Rounding of the way to and fro between the frames."""
+"""Rounding of conversions between the frames."""
 _ROUNDING_MPS = 0.06
 _HARDER = 4.0
 """A setpoint that moves changes its speed no harder than this times the planned acceleration."""
 _JUMP_M = 0.1
-"""A position that moves by more from one word to the next takes the setpoint along."""
+"""A greater step between two positions is a jump, which moves the setpoint."""
 _JUMP_S = 0.4
 _REPEAT_S = 2.0
-"""The same words of the same sender come so soon again are the same order, ..."""
+"""A command repeated by its sender within this time is the same order, ..."""
 _CONFIRMED_REPEAT_S = 30.0
-"""... with a confirmation above 0 within this."""
+"""... with a confirmation above 0 within this time."""
 
 
 _COPTER_LAND = 9
@@ -63,7 +63,7 @@ _WITH_LAST_SETPOINT = {
     "an old attitude",
     "a second autopilot",
 }
-"""The autopilot still follows us then."""
+"""States in which the autopilot still follows the companion."""
 
 
 class Judge:
@@ -89,7 +89,7 @@ class Judge:
         # Orders
         self.given_s = {}
         self.awaiting = set()
-        """Numbers of the commands that were ordered anew and not answered yet."""
+        """Numbers of commands that were ordered again and have no answer yet."""
         self.mode_requests_left = 0
         self.failsafe_known = False
         # Stream

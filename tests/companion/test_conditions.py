@@ -384,7 +384,7 @@ def test_no_condition_is_reported_before_the_first_order():
     assert not [text for text in desk.texts() if "MOAR" in text]
 
 
-# Missing messages ------------------------------------------------------------------------------
+# Missing messages -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ FENCE = PlaneFence(
     margin_m=1.5,
 )
 _NEAR_M = 1e-3
-"""Clearances are sampled, and legs checked ten times a cell."""
+"""Tolerance: clearances are sampled, and legs are checked ten times a cell."""
 
 
 @functools.cache

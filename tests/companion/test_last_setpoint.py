@@ -23,7 +23,7 @@ from .desk import AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 LAND = 0x06040000
 LONG_S = {"mode_unconfirmed": 3.5}
-"""Longer than any of these takes; all others at most 2.2 s."""
+"""Longer than each of these ends takes; the others take at most 2.2 s."""
 
 
 def second_autopilot(desk):
@@ -159,7 +159,7 @@ def test_where_setpoints_are_no_longer_permitted_the_last_one_is_at_the_aircraft
     assert math.dist(carried, tuple(map(sum, zip(place, jump_ned_m, strict=True)))) < 0.1
 
 
-# Ends of an offer --------------------------------------------------------------------------------
+# Ends of an offer -------------------------------------------------------------------------------
 
 
 OFFERS = {

@@ -42,7 +42,7 @@ from .desk import (
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 TAKEOFF, LANDING = 0x02040000, 0x06040000
 LONG_S = 3.5
-"""Longer than an order or an arrival takes to ask for a mode."""
+"""Longer than the time from an order or an arrival to the mode request."""
 
 
 @pytest.mark.parametrize("authority", [Authority.STREAM, Authority.ENGAGE])

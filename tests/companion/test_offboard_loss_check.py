@@ -209,7 +209,7 @@ def test_a_plan_that_is_refused_in_flight_keeps_the_flown_one_unless_that_is_no_
     assert desk.said("MOAR: it would land on a roof, holding")
 
 
-# Failsafes ---------------------------------------------------------------------------------------
+# Failsafes --------------------------------------------------------------------------------------
 
 
 def watched(desk, seconds):

@@ -407,7 +407,7 @@ def copied(flight):
 
 
 LONG_S = 12.0
-"""In this it would have flown past what is seen on its leg."""
+"""Time in which the aircraft would have passed the obstacle on its leg."""
 
 
 @pytest.mark.parametrize("by_m", [2.0, 5.0])

@@ -1,4 +1,4 @@
-"""The random flights: a few seeds, and a judge that finds what is planted."""
+"""The random flights: a few seeds, and a judge that finds planted violations."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def setpoint(time_s, place_m, aircraft_m=None, **changes) -> Sent:
 
 
 def from_step(index, record, **changes) -> Record:
-    """With each setpoint from a step on changed."""
+    """A record in which each setpoint from a step on is changed."""
     sent = [
         dataclasses.replace(item, **changes) if number >= index else item
         for number, item in enumerate(record.sent)
@@ -93,7 +93,7 @@ def from_step(index, record, **changes) -> Record:
 
 
 def flown_to(place_m, **changes) -> Record:
-    """Carried from `HERE_M` to a place within 10 s, and there."""
+    """A flight from `HERE_M` to a place within 10 s, which then holds there."""
     part = np.clip(np.arange(COUNT) / 500.0, 0.0, 1.0)[:, None]
     true_m = (1.0 - part) * np.array(HERE_M) + part * np.array(place_m)
     return at_rest(true_m=true_m, **changes)
@@ -257,7 +257,7 @@ def test_a_setpoint_in_a_keep_out_is_found():
 
 
 def taken_over_at(step, last_step, told_after_s=0.0):
-    """The pilot takes the mode, which is told, and the stream goes on for a while."""
+    """The pilot takes the mode, which is reported, and the stream continues for some time."""
     modes = ["OFFBOARD"] * step + ["POSCTL"] * (COUNT - step)
     record = at_rest(modes=modes, taken_told_s=[STEP_S * (step + 1) + told_after_s])
     return dataclasses.replace(record, sent=record.sent[:last_step])
@@ -303,7 +303,7 @@ def test_distances_are_those_of_another_library():
         assert ((ours < 0.0) == shapely.contains_xy(outline, *points_m.T)).all()
 
 
-# What is drawn ----------------------------------------------------------------------------------
+# Drawn flights ----------------------------------------------------------------------------------
 
 
 def test_there_are_enough_kinds_and_the_seeds_go_round_all_of_them():

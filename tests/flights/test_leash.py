@@ -1,4 +1,4 @@
-"""Effects of a wind on a setpoint that the judge of flights permits, and others."""
+"""Effects of a wind on a setpoint: those that the judge permits, and forbidden ones."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_the_wind_excuses_no_other_motion_of_a_setpoint(wrong):
 
 
 def taken(at_m=(34.0, 6.0, 9.0)):
-    """Taken along to a place outside the workspace and beside the plane."""
+    """A leash whose setpoint was taken to a place outside the workspace and beside the plane."""
     leash = Leash(SITE, VEHICLE)
     aircraft_m = tuple(a + (a - b) for a, b in zip(at_m, HERE, strict=True))
     assert leash.look(HERE, at_m, aircraft_m, moves=False) is Blown.TAKEN

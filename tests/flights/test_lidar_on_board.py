@@ -1,4 +1,4 @@
-"""The lidar of a flight in lockstep: what it sees is on the maps, and its silence is noticed."""
+"""The lidar of a flight in lockstep: seen obstacles are on the maps; a silent lidar is detected."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SITE = Site.load(shipped_configs() / "sites" / "horizontal_three_conductors.yaml
 
 
 def hovering(site):
-    """In the air at a site that is told no obstacle; the lidar is on from now on."""
+    """In the air at a site file without obstacles; the lidar is on from now on."""
     flight = Lockstep(
         site=replace(site, obstacles=()),
         vehicle="x500",

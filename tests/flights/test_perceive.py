@@ -1,4 +1,4 @@
-"""Flights by sight: of each seed another line; flown, judged, and told."""
+"""Flights by sight, a different line for each seed: flown, judged, and summarised."""
 
 import json
 import math

@@ -20,7 +20,7 @@ from ..flights.operator import (
 )
 
 WARNS = {"BATT_LOW_VOLT": 11.4, "BATT_FS_LOW_ACT": 0, "BATT_CRT_VOLT": 0.0, "BATT_LOW_TIMER": 1}
-"""A low battery is told and nothing is done, as by default."""
+"""A low battery is reported without an action, as by default."""
 GOES_ON = {"FS_THR_ENABLE": 1, "FS_OPTIONS": 4}
 """A lost remote control does not end GUIDED."""
 LOW_V = 11.0

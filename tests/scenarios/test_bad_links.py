@@ -22,7 +22,7 @@ NOTICED_S = 0.2
 """Longest time of a takeover until the stream ends, on a link without loss."""
 NOTICED_ON_A_BAD_LINK_S = 0.3
 """The most where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and five losses
-in a row of what tells the mode fifty times a second."""
+in a row of mode reports, which come fifty times a second."""
 
 
 def worsen_link(flight, loss_percent=30.0, delay_ms=50.0, jitter_ms=150.0):

@@ -19,7 +19,7 @@ from ..flights.operator import INSPECTION
 CASES = cases(176)
 EXITS = [case for case in CASES[:40] if case.mission is Mission.EXIT and case.vehicle == "x500"]
 AGAINST_THE_WIND = [CASES[165], CASES[175]]
-"""Landing legs against 8 and 7 m/s of wind, all the way at the limit of the lean."""
+"""Landing legs against 8 and 7 m/s of wind, always at the limit of the lean."""
 CAPACITY_WH = 90.0
 """Capacity of the fake PX4's pack."""
 

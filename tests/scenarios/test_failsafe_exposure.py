@@ -14,7 +14,7 @@ from ..flights.operator import INSPECTION, Manner
 from ..thorough import sampled
 
 INNER = 1.0
-"""Index of the target that stands above the lowest conductor."""
+"""Index of the target above the lowest conductor."""
 LANDS_AT_40 = {
     Manner.ARDUPILOT: {
         "BATT_CAPACITY": 3300,

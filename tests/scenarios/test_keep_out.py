@@ -30,7 +30,7 @@ M_PER_HDOP = 0.3 / 1.21
 INNER = 1
 ARDUPILOT_MARGIN_M = 1.4
 BESIDE_M = 3.2
-"""The targets from their conductors: with the position known to 1.6 m that is too near."""
+"""Distance of targets from their conductors: too near for a position error of 1.6 m."""
 
 
 def narrow_site():

@@ -37,7 +37,7 @@ from .marks import ARDUPILOT_FIRST, BOTH
 
 PX4, ARDUPILOT = Manner.PX4, Manner.ARDUPILOT
 RIGHT_M = 30.0
-"""Where the workspace ends."""
+"""Border of the workspace."""
 
 
 def x_m(flight) -> float:

@@ -32,13 +32,13 @@ LANDS_WHEN_LOW = {
     Manner.PX4: {},
     Manner.ARDUPILOT: {"BATT_LOW_VOLT": 11.4, "BATT_FS_LOW_ACT": 1},
 }
-"""PX4's own answers to a low battery are on; ArduPilot's are set by its owner."""
+"""PX4 acts on a low battery by default; for ArduPilot the parameters are set."""
 LOW_PERCENT = {Manner.PX4: 6.0, Manner.ARDUPILOT: 40.0}
 
 CLEARED_S = 12.0
 """Every condition has cleared by then: the slowest takes 10 s."""
 MODE_LAG_S = 0.2
-"""Modes are told twenty times a second by PX4, at once by ArduPilot."""
+"""PX4 reports the mode twenty times a second, ArduPilot at once."""
 
 
 @flown_once

@@ -1,4 +1,4 @@
-"""Traces of flights: the same each time, and a difference is found with its time."""
+"""Traces of flights: repeatable; a difference is found with its time."""
 
 from __future__ import annotations
 

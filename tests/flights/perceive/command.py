@@ -1,4 +1,4 @@
-"""The command: flies seeds, writes a row each, and says which touched something.
+"""The command: flies seeds, writes a row for each, and prints the collisions.
 
     python -m tests.flights.perceive --seeds A:B [--workers N] [--out DIR]
 
@@ -99,7 +99,7 @@ def _sights(flown: list[dict]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status 0 when nothing was touched, 1 after a collision or an error."""
+    """Exit status 0 without a collision, 1 after a collision or an error."""
     parser = argparse.ArgumentParser(prog="python -m tests.flights.perceive", description=__doc__)
     parser.add_argument("--seeds", type=seeds_of, required=True, metavar="A:B")
     parser.add_argument("--workers", type=int, default=1, metavar="N")
