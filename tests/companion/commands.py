@@ -21,9 +21,9 @@ def carried_out(desk):
 def answers(desk):
     """Every answer: (link, system and component of the addressee, command, result)."""
     return [
-        (link, (said.target_system, said.target_component), said.command, said.result)
-        for _, link, said in desk.sent
-        if said.get_type() == "COMMAND_ACK"
+        (link, (ack.target_system, ack.target_component), ack.command, ack.result)
+        for _, link, ack in desk.sent
+        if ack.get_type() == "COMMAND_ACK"
     ]
 
 

@@ -174,9 +174,9 @@ class Judge:
         elif kind == "ATTITUDE":
             self.attitude_s = now_s
         elif kind == "LOCAL_POSITION_NED":
-            self._hear_position(message, now_s)
+            self._handle_position(message, now_s)
 
-    def _hear_position(self, message, now_s):
+    def _handle_position(self, message, now_s):
         place = (message.x, message.y, message.z)
         if not all(map(math.isfinite, (*place, message.vx, message.vy, message.vz))):
             return

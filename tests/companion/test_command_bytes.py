@@ -57,8 +57,8 @@ def test_a_command_as_long_or_int_is_carried_out_once_and_answered_once(
         desk.handle(pack(desk.operator, command, parameter, 0)).run(0.5)
         assert carried_out(desk) == [order]
         assert answers(desk) == [(LINK, (255, 190), command, result)]
-        (said,) = desk.messages("COMMAND_ACK")
-        assert (said.get_srcSystem(), said.get_srcComponent()) == (1, 195)
+        (ack,) = desk.messages("COMMAND_ACK")
+        assert (ack.get_srcSystem(), ack.get_srcComponent()) == (1, 195)
 
 
 @pytest.mark.parametrize("pack", [Peer.command, Peer.command_int])

@@ -248,8 +248,8 @@ def test_missing_measurements_are_reported_once():
     desk = Desk()
     desk.mute = {"BATTERY_STATUS", "GPS_RAW_INT"}
     desk.come_to("flying", then_s=8.0)
-    told = [text for text in desk.texts() if "unknown: " in text]
-    assert told == ["MOAR: unknown: battery and 3 more"]
+    reported = [text for text in desk.texts() if "unknown: " in text]
+    assert reported == ["MOAR: unknown: battery and 3 more"]
 
 
 def ground_station(desk, *systems, seconds):
@@ -264,18 +264,18 @@ def test_a_ground_station_that_connects_later_receives_the_earlier_reports():
     desk.set(mute={"BATTERY_STATUS"}).come_to("flying", then_s=8.0)
     note = "MOAR: unknown: battery"
 
-    def told():
+    def reported():
         return sum(text.startswith(note) for text in desk.texts())
 
-    assert told() == 1
+    assert reported() == 1
     ground_station(desk, 255, seconds=3)
-    assert told() == 2
+    assert reported() == 2
     ground_station(desk, 255, 254, seconds=8)
-    assert told() == 3
+    assert reported() == 3
     desk.run(12.0)  # both are silent
     assert desk.said("MOAR: no ground station for 1")
     ground_station(desk, 255, seconds=8)
-    assert told() == 4
+    assert reported() == 4
 
 
 def test_a_ground_station_that_connects_later_receives_the_reason_of_the_hold():
@@ -351,9 +351,9 @@ def test_an_aircraft_outside_the_workspace_is_reported_with_its_distance(case):
 def test_the_begin_and_the_end_of_a_condition_are_recorded_once():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.set(wind_mps=21.0).run(6.0).set(wind_mps=1.0).run(8.0)
-    told = [item for item in desk.decided("condition") if item["name"] == "wind"]
-    assert [item["began"] for item in told] == [True, False]
-    assert told[0]["action"] == "hold"
+    reported = [item for item in desk.decided("condition") if item["name"] == "wind"]
+    assert [item["began"] for item in reported] == [True, False]
+    assert reported[0]["action"] == "hold"
     assert desk.state == "flying"
     assert desk.said("MOAR: resuming")
 

@@ -113,8 +113,8 @@ def test_a_flood_of_start_markers_costs_a_cycle_no_more_than_the_budget(size, kn
         desk.companion.take_in(flood, desk.now_s)
         assert len(steps) <= BUDGET_BYTES
         desk.step()
-    told = [m.text for _, link, m in desk.sent if m.get_type() == "STATUSTEXT" and link == LINK]
-    assert sum(text.endswith("datagrams too many, dropped") for text in told) == 1
+    texts = [m.text for _, link, m in desk.sent if m.get_type() == "STATUSTEXT" and link == LINK]
+    assert sum(text.endswith("datagrams too many, dropped") for text in texts) == 1
 
 
 def test_a_flood_after_a_pause_costs_one_cycle_no_more_than_the_longest_pauses_budget(steps):

@@ -136,8 +136,8 @@ def test_a_flight_that_does_not_end_in_order_sends_no_further_setpoint(way):
     before = len(desk.setpoints())
     AT_ONCE[way](desk)
     # Reported late: by messages that come a few times a second; by a clock 0.3 s ahead.
-    told_late = {"ground": 10, "autopilot_reboot": 17}
-    assert len(silent(desk)) <= before + told_late.get(way, 0)
+    late_cycles = {"ground": 10, "autopilot_reboot": 17}
+    assert len(silent(desk)) <= before + late_cycles.get(way, 0)
     assert desk.state in {"released", "overridden", "idle"}
 
 

@@ -244,8 +244,8 @@ def test_a_landing_that_does_not_begin_is_requested_twice_more_and_then_left_to_
     assert not desk.said("the landing has not begun")
     desk.run(6.0)
     assert len(desk.mode_requests()) == 3
-    told = [text for text in desk.texts() if "landing has" in text]
-    assert told == ["MOAR: the landing has not begun, choose LAND"]
+    reported = [text for text in desk.texts() if "landing has" in text]
+    assert reported == ["MOAR: the landing has not begun, choose LAND"]
 
 
 def test_a_hold_ordered_between_two_landing_requests_ends_the_requests():
@@ -386,9 +386,9 @@ def test_a_failsafe_that_returns_to_the_mode_of_the_order_leaves_control_to_the_
     mode_requester = ModeRequester(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
     mode_requester.note_order(autopilot, MissionState.IDLE, autopilot.received_s)
     lands = replace(autopilot, mode="LAND", homeward=True, failsafe=True)
-    for since_s, told in ((0.0, lands), (-2.0, autopilot)):
+    for since_s, reported in ((0.0, lands), (-2.0, autopilot)):
         status = MissionStatus(state=MissionState.READY, since_s=autopilot.received_s + since_s)
-        seen = replace(telemetry, autopilot=told)
+        seen = replace(telemetry, autopilot=reported)
         mode_requester.act(status, seen, at_end=False, now_s=autopilot.received_s)
     assert not session.request_own_mode.called
 

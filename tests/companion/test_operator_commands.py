@@ -99,8 +99,8 @@ def test_a_mission_that_cannot_be_planned_is_denied_with_a_text():
     desk.answer_plan(plan=None, reason="no free path leads there")
     desk.run(0.1)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
-    told = [text for text in desk.texts() if "no free path" in text]
-    assert told == ["MOAR: no free path leads there, denied"]
+    texts = [text for text in desk.texts() if "no free path" in text]
+    assert texts == ["MOAR: no free path leads there, denied"]
     assert not desk.setpoints()
 
 

@@ -9,12 +9,12 @@ from .desk import OFFBOARD, Desk
 
 def test_the_heartbeat_carries_the_number_of_the_mission_state():
     desk = Desk().come_to("idle", then_s=1.1)
-    told = [desk.messages("HEARTBEAT")[-1].custom_mode]
+    numbers = [desk.messages("HEARTBEAT")[-1].custom_mode]
     desk.come_to("ready", then_s=1.1)
-    told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
+    numbers.append(desk.messages("HEARTBEAT")[-1].custom_mode)
     desk.say_heartbeat(OFFBOARD).run(1.1)
-    told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
-    assert told == [0, 2, 3]
+    numbers.append(desk.messages("HEARTBEAT")[-1].custom_mode)
+    assert numbers == [0, 2, 3]
     assert [state.number for state in MissionState] == list(range(9))
 
 

@@ -25,10 +25,12 @@ class Aircraft:
     def fly(self, seconds):
         for _ in range(round(seconds / 0.1)):
             self.now_s += 0.1
-            told = {name: source(self.now_s) for name, source in HEALTHY.items()}
-            told["motors"] = MotorOutputs(received_s=self.now_s, pulse_us=(1990, 1990, 1990, 1990))
-            told = {name: value for name, value in told.items() if name not in self.silent}
-            self.telemetry = replace(self.telemetry, **told)
+            values = {name: source(self.now_s) for name, source in HEALTHY.items()}
+            values["motors"] = MotorOutputs(
+                received_s=self.now_s, pulse_us=(1990, 1990, 1990, 1990)
+            )
+            values = {name: value for name, value in values.items() if name not in self.silent}
+            self.telemetry = replace(self.telemetry, **values)
             self.risk_monitor.judge(self.telemetry, {}, None, self.now_s)
         return self.risk_monitor.saturated
 

@@ -316,8 +316,10 @@ def test_two_conductors_near_one_of_the_file_are_reported_once_each(desk):
     x_m, z_m = known.position_m
     desk.conductors = (conductor(x_m + 0.8, z_m), conductor(x_m - 1.2, z_m, "seen-2"))
     desk.run(3.0)
-    told = [item for item in desk.decisions if item.kind == "text" and "off the file" in str(item)]
-    assert len(told) == 2
+    reported = [
+        item for item in desk.decisions if item.kind == "text" and "off the file" in str(item)
+    ]
+    assert len(reported) == 2
 
 
 def test_poses_are_noted_each_at_its_own_time():

@@ -55,13 +55,13 @@ class Aircraft:
         self.now_s += STEP_S
         self.operator.tick(self.now_s)
         self.autopilot.step(self.now_s)
-        said = []
+        sent = []
         for link, data in self.autopilot.data_to_send():
             if link == "gcs":
                 self.operator.receive(data)
             else:
-                said.append(data)
-        return said
+                sent.append(data)
+        return sent
 
     def step(self) -> None:
         self.move()

@@ -158,8 +158,8 @@ def assert_setpoints_never_jump(flight):
             moved_m = math.dist((one.x, one.y, one.z), (two.x, two.y, two.z))
             assert moved_m <= (greatest_mps + 0.05) * step_s + 1e-4, before
             # The velocity in a setpoint is the velocity of the setpoint.
-            told_mps = math.dist((0.0, 0.0, 0.0), (two.vx, two.vy, two.vz))
-            assert told_mps <= greatest_mps + 0.05
+            sent_mps = math.dist((0.0, 0.0, 0.0), (two.vx, two.vy, two.vz))
+            assert sent_mps <= greatest_mps + 0.05
             if before.state not in {"ready", "planning"}:
                 changed_mps = math.dist((one.vx, one.vy, one.vz), (two.vx, two.vy, two.vz))
                 # An offset begins and ends to fade at v_MIN; arcs are made of small corners.

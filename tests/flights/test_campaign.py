@@ -61,7 +61,7 @@ def at_rest(place_m=HERE_M, **changes) -> Record:
         "began_s": {},
         "broken_s": {},
         "orders_s": [],
-        "taken_told_s": [],
+        "taken_reported_s": [],
         "forbidden": [],
         "notes": [],
     }  # fmt: skip
@@ -156,8 +156,8 @@ def test_outside_the_promise_a_collision_is_counted_with_the_broken_part_of_the_
 
 
 def test_a_position_error_within_the_reported_accuracy_is_within_the_promise():
-    told = {"error_m": np.tile([0.0, 0.0, 1.9], (COUNT, 1)), "reported_m": np.full(COUNT, 2.0)}
-    assert rules(flown_to(CONDUCTOR_M, **told))["collision"] == ()
+    reported = {"error_m": np.tile([0.0, 0.0, 1.9], (COUNT, 1)), "reported_m": np.full(COUNT, 2.0)}
+    assert rules(flown_to(CONDUCTOR_M, **reported))["collision"] == ()
 
 
 def test_the_promise_holds_again_some_time_after_it_was_broken():
@@ -256,19 +256,19 @@ def test_a_setpoint_in_a_keep_out_is_found():
     assert rules(from_step(500, at_rest(), reported_m=near_m)) == {"setpoint_keep_out": ()}
 
 
-def taken_over_at(step, last_step, told_after_s=0.0):
+def taken_over_at(step, last_step, reported_after_s=0.0):
     """The pilot takes the mode, which is reported, and the stream continues for some time."""
     modes = ["OFFBOARD"] * step + ["POSCTL"] * (COUNT - step)
-    record = at_rest(modes=modes, taken_told_s=[STEP_S * (step + 1) + told_after_s])
+    record = at_rest(modes=modes, taken_reported_s=[STEP_S * (step + 1) + reported_after_s])
     return dataclasses.replace(record, sent=record.sent[:last_step])
 
 
 def test_a_stream_that_goes_on_after_a_takeover_is_found():
     assert rules(taken_over_at(500, 512)) == {}
     assert rules(taken_over_at(500, 514)) == {"silence": ()}
-    assert rules(taken_over_at(500, 528, told_after_s=0.5)) == {}
-    assert rules(taken_over_at(500, 534, told_after_s=0.5)) == {"silence": ()}
-    assert rules(taken_over_at(500, 700, told_after_s=5.0)) == {"silence": ()}
+    assert rules(taken_over_at(500, 528, reported_after_s=0.5)) == {}
+    assert rules(taken_over_at(500, 534, reported_after_s=0.5)) == {"silence": ()}
+    assert rules(taken_over_at(500, 700, reported_after_s=5.0)) == {"silence": ()}
 
 
 def test_a_stream_that_comes_back_without_an_order_is_found():

@@ -51,5 +51,5 @@ def test_seen_obstacles_are_on_the_maps_before_an_order_and_a_silent_lidar_is_de
 
 def holds(flight):
     """True while the condition of a silent sensor acts."""
-    told = [item.data for item in flight.decisions if item.kind == "condition"]
-    return [data["began"] for data in told if data["name"] == "perception"][-1]
+    conditions = [item.data for item in flight.decisions if item.kind == "condition"]
+    return [data["began"] for data in conditions if data["name"] == "perception"][-1]

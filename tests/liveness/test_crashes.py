@@ -1,4 +1,4 @@
-"""A service that is killed, ended or started anew while the aircraft flies."""
+"""A service that is killed, stopped or restarted while the aircraft flies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A processor that others keep busy: the stream keeps its rate or it ends, and is never late."""
+"""A busy processor: the stream keeps its rate or ends, and is never late."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RECOVERED_S = 10.0
 
 @contextlib.contextmanager
 def starved(process, *, hogs, nice):
-    """A process shares its processor with busy loops."""
+    """Lets a process share its processor with busy loops."""
     everywhere = os.sched_getaffinity(0)
     here = {min(everywhere)}
     confine(process, here)

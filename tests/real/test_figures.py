@@ -1,4 +1,4 @@
-"""Objections of a flight's figures, and their rows in the table."""
+"""Faults found in a flight's figures, and rows of the table."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def test_a_good_flight_has_no_faults():
     ],
 )
 def test_a_fault_of_a_flight_is_reported(values, fault):
-    (told,) = changed(**values).faults
-    assert fault in told
+    (reported,) = changed(**values).faults
+    assert fault in reported
 
 
 def test_a_detected_takeover_is_no_fault_of_the_companion():

@@ -1,4 +1,4 @@
-"""Every call that enters the machine is logged, once, with its answer."""
+"""Every call into the machine is logged once, with its answer."""
 
 import inspect
 
@@ -13,7 +13,7 @@ from moar_companion.recording.calls import (
 from ..flights.lockstep import COMPANION_LINK, Lockstep
 
 QUESTIONS = {"peers", "received_packets"}
-"""Methods that neither change what the machine decides nor tell what it decided."""
+"""Methods that neither change nor return a decision of the machine."""
 
 
 def test_every_method_of_the_machine_is_logged_except_those_that_only_read():

@@ -1,4 +1,4 @@
-"""Values come back from JSON as they were, to the last bit."""
+"""Values keep every bit through JSON."""
 
 import json
 import math

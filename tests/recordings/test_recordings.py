@@ -1,4 +1,4 @@
-"""Each recorded flight is decided and sent again as it was."""
+"""Each replayed recording gives the same decisions and packets."""
 
 import json
 
@@ -22,7 +22,7 @@ def test_a_replayed_recording_gives_the_same_decisions_and_packets(name):
 
 
 def assert_same(recorded, recomputed, where):
-    """The last digits of numbers may differ: they do between kinds of processors."""
+    """Asserts equality except for the last digits, which differ between kinds of processors."""
     if isinstance(recorded, dict) and isinstance(recomputed, dict):
         assert recorded.keys() == recomputed.keys(), where
         for name, value in recorded.items():

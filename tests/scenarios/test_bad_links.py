@@ -113,8 +113,8 @@ def test_missing_mode_reports_end_control_while_other_packets_arrive(manner):
     """Mode reports are lost; the position still arrives."""
     flight = in_flight(manner)
     handle = flight.handle
-    told = {"HEARTBEAT", "CURRENT_MODE"}
-    flight.handle = lambda data: handle(without(data, told))
+    mode_messages = {"HEARTBEAT", "CURRENT_MODE"}
+    flight.handle = lambda data: handle(without(data, mode_messages))
     silent_s = flight.now_s
     flight.run(5.0)
     assert flight.state == "released"

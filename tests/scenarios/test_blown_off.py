@@ -78,8 +78,8 @@ def test_the_setpoint_follows_the_aircraft_and_the_pilot_receives_a_text(manner)
     assert outside_m(flight) > 6.0
     assert error_m(flight) <= 1.0
     texts = flight.operator.texts()
-    told = [text for text in texts if text.startswith("MOAR: wind too strong, drifting ")]
-    assert sum(text.endswith(", holding") for text in told) == 1
+    reported = [text for text in texts if text.startswith("MOAR: wind too strong, drifting ")]
+    assert sum(text.endswith(", holding") for text in reported) == 1
     assert all(len(text) <= 50 for text in texts if "drifting" in text)
     assert flight.state == "holding"
 
@@ -174,12 +174,12 @@ def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
     flight.take_off()
     flight.begin(INSPECTION)
 
-    def told():
+    def reported():
         risk = flight.companion.risk
         values = {item.name: item.value or 0.0 for item in risk.report.wind.inputs}
         return values["wind from tilt"], values["gusts"], risk.indices.wind
 
-    seen = watched(flight, 25.0, told)
+    seen = watched(flight, 25.0, reported)
     assert max(wind for wind, _, _ in seen) < 3.0
     assert max(gusts for _, gusts, _ in seen) < 1.0
     known = seen[150:]  # at first the wind is unknown, which raises the risk

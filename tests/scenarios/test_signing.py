@@ -33,7 +33,7 @@ def test_an_inspection_is_flown_on_signed_links_and_no_output_contains_the_key(m
     latest = LatestDecisions()
     latest.note(flight.decisions, companion.telemetry.link)
     status = latest.status_of(companion, flight.now_s, clock_offset_s=0.0, recorder=None)
-    told = [
+    texts = [
         *received,
         *(data for _, data in flight.to_autopilot),
         repr(flight.config).encode(),
@@ -41,7 +41,7 @@ def test_an_inspection_is_flown_on_signed_links_and_no_output_contains_the_key(m
         json.dumps([decision.data for decision in flight.decisions]).encode(),
         json.dumps(status).encode(),
     ]
-    assert found_in(b"\n".join(told)) == []
+    assert found_in(b"\n".join(texts)) == []
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_an_inspection_is_flown_on_signed_links_and_no_output_contains_the_key(m
 def test_a_stranger_can_neither_command_nor_pose_as_the_autopilot(stranger, reason):
     flight = hovering(secret=SECRET)
     flight.begin(INSPECTION, 0)
-    said = len(flight.operator.received)
+    received = len(flight.operator.received)
     telemetry = flight.companion.telemetry.autopilot
     flight.handle(stranger.command(31010, RELEASE))
     flight.handle(stranger.command(31010, 0))
@@ -66,9 +66,9 @@ def test_a_stranger_can_neither_command_nor_pose_as_the_autopilot(stranger, reas
     flight.run(1.0)
     assert flight.state == "flying"
     assert flight.companion.signing.packets_refused[COMPANION_LINK][reason] == 3
-    texts = [m.text for m in flight.operator.received[said:] if m.get_type() == "STATUSTEXT"]
+    texts = [m.text for m in flight.operator.received[received:] if m.get_type() == "STATUSTEXT"]
     assert texts.count(f"MOAR: 3 packets refused: {reason.value}") == 1
-    assert not [m for m in flight.operator.received[said:] if m.get_type() == "COMMAND_ACK"]
+    assert not [m for m in flight.operator.received[received:] if m.get_type() == "COMMAND_ACK"]
 
 
 @pytest.mark.slow

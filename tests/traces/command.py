@@ -78,7 +78,7 @@ def compare(name: str, trace: Trace, failed: str) -> list[str]:
     if not path(name).exists():
         return ["has no trace"]
     then = json.loads(lzma.decompress(path(name).read_bytes()))
-    found = [told for channel in CHANNELS if (told := difference(channel, then, trace))]
+    found = [each for channel in CHANNELS if (each := difference(channel, then, trace))]
     if found and then["made_with"] != MADE_WITH:
         found.append(f"made with {then['made_with']}, compared with {MADE_WITH}")
     return [*found, failed] if failed else found

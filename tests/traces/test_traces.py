@@ -27,8 +27,8 @@ def flight():
 def found(before, after, renamed=None):
     """The differences of the flights by channel."""
     then, now = trace_of(before, {}), trace_of(after, renamed or {})
-    told = {name: difference(name, then, now) for name in CHANNELS}
-    return {name: text for name, text in told.items() if text}
+    differences = {name: difference(name, then, now) for name in CHANNELS}
+    return {name: text for name, text in differences.items() if text}
 
 
 def test_a_flight_that_is_flown_twice_has_the_same_trace(flight):
@@ -63,8 +63,8 @@ def test_a_setpoint_that_differs_by_less_than_the_printed_digits_is_found(flight
     message.x += 1e-6
     message.pack(changed._setpoint_codec)
     changed.setpoints[-10] = replace(item, message=message)
-    told = found(flight, changed)["setpoints"]
-    assert told.endswith("by less than the lines are rounded to")
+    differences = found(flight, changed)["setpoints"]
+    assert differences.endswith("by less than the lines are rounded to")
 
 
 def changed_decision(flight, kind, **data):

@@ -51,13 +51,13 @@ def difference(name: str, then: Trace, now: Trace) -> str:
     if was["all"] == is_["all"]:
         return ""
     differing = was["seconds"].items() ^ is_["seconds"].items()
-    told = f"{name} differ from second {min((int(s) for s, _ in differing), default='?')} on"
+    head = f"{name} differ from second {min((int(s) for s, _ in differing), default='?')} on"
     for before, after in itertools.zip_longest(was["lines"], is_["lines"], fillvalue=("end", "")):
         if before != after:
             return (
-                f"{told}\n    was at {before[0]} s: {before[1]}\n    is at {after[0]} s: {after[1]}"
+                f"{head}\n    was at {before[0]} s: {before[1]}\n    is at {after[0]} s: {after[1]}"
             )
-    return f"{told}, by less than the lines are rounded to"
+    return f"{head}, by less than the lines are rounded to"
 
 
 def _setpoints(flight) -> Iterator[tuple[float, str, str]]:
@@ -82,15 +82,15 @@ def _decisions(flight) -> Iterator[tuple[float, str, str]]:
 
 
 def _texts(flight) -> Iterator[tuple[float, str, str]]:
-    said: list[tuple[float, str, str]] = []
+    texts: list[tuple[float, str, str]] = []
     for time_s, _, message in _others(flight):
         if message.get_type() == "STATUSTEXT":
             line = f"severity {message.severity}: {message.text}"
-            said.append((time_s, f"{line} {message.id} {message.chunk_seq}", line))
+            texts.append((time_s, f"{line} {message.id} {message.chunk_seq}", line))
     for item in flight.decisions:
         _parted(item.data, words := [])
-        said += [(item.time_s, word, f"{item.kind}: {word}") for word in words]
-    yield from sorted(said, key=lambda each: each[0])
+        texts += [(item.time_s, word, f"{item.kind}: {word}") for word in words]
+    yield from sorted(texts, key=lambda each: each[0])
 
 
 _HAPPENED = dict(zip(CHANNELS, (_setpoints, _packets, _decisions, _texts), strict=True))

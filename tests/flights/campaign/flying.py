@@ -103,7 +103,7 @@ class Record:
     broken_s: dict[Breaks, float]
     """When each part of the promise ended, by the faults' kinds."""
     orders_s: list[float]
-    taken_told_s: list[float]
+    taken_reported_s: list[float]
     """Times at which a message with another mode than the companion's has arrived."""
     forbidden: list[tuple[float, str]]
     notes: list[dict]
@@ -156,7 +156,7 @@ class RandomFlight(Lockstep):
         self.sent: list[Sent] = []
         self.modes: list[str] = []
         self.orders_s: list[float] = []
-        self.taken_told_s: list[float] = []
+        self.taken_reported_s: list[float] = []
         self.forbidden: list[tuple[float, str]] = []
         self.began_s: dict[str, tuple[float, float]] = {}
         self.broken_s: dict[Breaks, float] = {}
@@ -301,7 +301,7 @@ class RandomFlight(Lockstep):
             self._mode_s = max(self._mode_s, sent_s)
             from_autopilot = (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
             if from_autopilot and message.custom_mode != OUR_MODE[self.drawn.manner]:
-                self.taken_told_s.append(self.now_s)
+                self.taken_reported_s.append(self.now_s)
         elif number == packets.ESTIMATOR_STATUS and self.drawn.manner is Manner.PX4:
             self._accuracy_m = max(message.pos_horiz_accuracy, message.pos_vert_accuracy)
         elif number == packets.GPS_RAW_INT and self.drawn.manner is Manner.ARDUPILOT:
@@ -483,7 +483,7 @@ class RandomFlight(Lockstep):
             began_s=self.began_s,
             broken_s=self.broken_s,
             orders_s=self.orders_s,
-            taken_told_s=self.taken_told_s,
+            taken_reported_s=self.taken_reported_s,
             forbidden=self.forbidden,
             notes=self.notes,
             texts=self.operator.texts(),

@@ -399,7 +399,9 @@ def _silence(record: Record):
         took_s = float(record.time_s[index])
         if not np.any((sent_s > took_s - STREAK_S) & (sent_s <= took_s)):
             continue
-        reported_s = min((at_s for at_s in record.taken_told_s if at_s >= took_s), default=math.inf)
+        reported_s = min(
+            (at_s for at_s in record.taken_reported_s if at_s >= took_s), default=math.inf
+        )
         until_s = max(took_s + SILENCE_S, min(reported_s + TOLD_S, took_s + MODE_AGE_S))
         next_s = orders_s[orders_s > took_s - 0.5]
         ordered_s = float(next_s.min()) if len(next_s) else math.inf

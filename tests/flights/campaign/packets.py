@@ -110,14 +110,14 @@ def replay(late_s: float, ids: set[int]) -> Filter:
     """Messages of these ids are received again `late_s` later, between the present ones."""
     past: deque[tuple[float, Item]] = deque()
 
-    def heard_again(now_s: float, items: list[Item]) -> list[Item]:
+    def received_again(now_s: float, items: list[Item]) -> list[Item]:
         past.extend((now_s + late_s, item) for item in items if number(item[1]) in ids)
         again = []
         while past and past[0][0] <= now_s:
             again.append(past.popleft()[1])
         return items + again
 
-    return heard_again
+    return received_again
 
 
 def insert(make: Callable[[float], list[bytes]], period_s: float) -> Filter:

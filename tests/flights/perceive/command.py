@@ -57,18 +57,18 @@ def summary(rows: list[dict], seconds: list[float]) -> str:
     clear_m = [row["least_clearance_m"] for row in flown]
     collisions = sum(row["verdict"] == "collision" for row in rows)
     reached = sum(row["reached"] for row in flown)
-    told = (
+    summary_line = (
         f"{len(rows)} flights: {collisions} collisions, {len(rows) - len(flown)} errors;"
         f" {reached} reached the target. Processor time {np.mean(seconds):.1f} s a flight."
     )
-    lines = ["# Flights by sight", "", told, ""]
+    lines = ["# Flights by sight", "", summary_line, ""]
     if flown:
         least = min(flown, key=lambda row: row["least_clearance_m"])
-        told = (
+        summary_line = (
             f"Least clearance of a hull: {least['least_clearance_m']} m (seed {least['seed']}); of"
             f" all median {np.median(clear_m):.2f} m, 5 % {np.percentile(clear_m, 5):.2f} m."
         )
-        lines += [told, "", *_sights(flown)]
+        lines += [summary_line, "", *_sights(flown)]
     lines += [f"- seed {row['seed']}: {row['error']}" for row in rows if row["verdict"] == "error"]
     lines += [
         f"- seed {row['seed']} ({row['manner']}, added {row['added']}): {row['verdict']},"

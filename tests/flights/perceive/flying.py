@@ -119,8 +119,8 @@ def _flown(flight: Lockstep) -> str:
             offered_s = 0.0
         waited_s = 0.0 if flight.state in {"planning", "ready", "flying"} else waited_s + STEP_S
     state = "on its way" if flight.state == "flying" else flight.state
-    said = [text for text in operator.texts() if text.endswith(_STOPS)]
-    return f"{state}: {said[-1] if said else 'nothing was said of it'}"
+    reasons = [text for text in operator.texts() if text.endswith(_STOPS)]
+    return f"{state}: {reasons[-1] if reasons else 'nothing was said of it'}"
 
 
 def _true_m(drawn: Draw, truths: list[Truth]) -> np.ndarray:
