@@ -1,7 +1,7 @@
 """Escape routes that the margin blocks, and orders within the margin.
 
-A wall stands between the aircraft and the exit, with a window in it: 0.35 m of an X500 and PX4's
-margin, 1.4 m for the position and 1.15 m for tracking, need 5.8 m and the rounding to cells.
+A wall with a window stands between the aircraft and the exit. The window needs 5.8 m and the
+rounding to cells: 0.35 m of an X500 and PX4's margin, 1.4 m for the position, 1.15 m for tracking.
 """
 
 from __future__ import annotations

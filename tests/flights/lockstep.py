@@ -266,7 +266,7 @@ class Lockstep(Aircraft):
         conditions.wind_mps = 0.0
 
     def begin(self, mission: int, index: float = -1) -> None:
-        """Order a mission and give our mode for it; on the ground, take off before."""
+        """Order a mission and give the companion's mode; on the ground, take off before."""
         if self.truth.on_ground:
             self.take_off()
         self.operator.mission(mission, index)
@@ -286,7 +286,7 @@ class Lockstep(Aircraft):
         self.run(HEARD_S)
 
     def give_mode(self) -> None:
-        """The operator gives our mode: PX4 takes it once a setpoint is streamed."""
+        """The operator gives the companion's mode: PX4 accepts it once a setpoint is streamed."""
         if not self.operator.in_mode("ours"):
             self.run_until_state("ready", 5.0)
             self.run(1.5)

@@ -329,7 +329,7 @@ class Rig:
         self.watch(4.0)
 
     def begin(self, mission=INSPECTION, index=-1):
-        """Order a mission and give our mode for it."""
+        """Order a mission and give the companion's mode."""
         operator = self.operator
         since = self.count
         operator.order_target(mission, index)

@@ -21,7 +21,7 @@ NUMBERS = {"HEARTBEAT": 0, "CURRENT_MODE": 436}
 NOTICED_S = 0.2
 """Longest time of a takeover until the stream ends, on a link without loss."""
 NOTICED_ON_A_BAD_LINK_S = 0.3
-"""The most where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and five losses
+"""Longest time with 30 % loss and delays of 0.05 to 0.2 s: 0.2 s under way, and five losses
 in a row of mode reports, which come fifty times a second."""
 
 

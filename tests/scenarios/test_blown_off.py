@@ -182,6 +182,6 @@ def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
     seen = watched(flight, 25.0, reported)
     assert max(wind for wind, _, _ in seen) < 3.0
     assert max(gusts for _, gusts, _ in seen) < 1.0
-    known = seen[150:]  # at first the wind is unknown, which raises the risk
-    assert max(risk for _, _, risk in known) < 0.15
+    settled = seen[150:]  # at first the wind is unknown, which raises the risk
+    assert max(risk for _, _, risk in settled) < 0.15
     assert not any("wind" in text for text in flight.operator.texts())

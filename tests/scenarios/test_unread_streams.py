@@ -68,7 +68,7 @@ def test_unread_messages_come_once_a_second_until_a_ground_station_shares_the_li
     flight = Wire(manner)
     flight.run(3.0)
     if manner is Manner.ARDUPILOT:
-        flight.run(45.0)  # until it has a position to tell
+        flight.run(45.0)  # until the autopilot reports a position
         flight.stream_everything()
     flight.run(1.0)
     before = flight.rates_hz(5.0)
@@ -113,7 +113,7 @@ def test_on_a_serial_port_stream_rates_are_reduced_despite_a_forwarded_ground_st
     flight.operator.silent = False
     flight.run(3.0)
     if manner is Manner.ARDUPILOT:
-        flight.run(45.0)  # until it has a position to tell
+        flight.run(45.0)  # until the autopilot reports a position
         flight.stream_everything()
     flight.run(11.0)
     rates_hz = flight.rates_hz()

@@ -19,9 +19,9 @@ held for the last `AFTERMATH_S` seconds:
 - Words: a packet with the autopilot's ids was sent by the autopilot, recently. Unsigned MAVLink
   does not identify another sender.
 
-Judged on the truth, while the aircraft is flown by the companion's setpoints, and for `LET_GO_S`
-after the stream has ended and the autopilot holds in its place (a pilot's, a return's and a
-landing's flight is theirs):
+Judged on the truth, while the companion's setpoints command the aircraft, and for `LET_GO_S` after
+the end of the stream while the autopilot holds. Flight by a pilot, a return or a landing is not
+judged:
 
 - collision: the hull (a ball of the vehicle's radius) touches no obstacle;
 - keep_out: the hull enters no keep-out of the site file.
@@ -39,8 +39,8 @@ Judged on setpoints, while the packets are the autopilot's, in any wind and with
 - outside: none is outside the workspace, below the least altitude or more than 2 m off the plane.
   A landing leg may go there, and its rest for `LEFT_LEG_S` until another plan is joined. From
   there, on escape and recovery legs, the setpoint comes nearer and never goes farther away;
-- setpoint_keep_out: none is nearer to an obstacle than the radius and its keep-out, unless it
-  begins at an aircraft that is there, and then it does not go deeper;
+- setpoint_keep_out: none is nearer to an obstacle than the radius and its keep-out. Exception: a
+  stream that begins at an aircraft that is there, and does not go deeper;
 - silence: when the mode is taken, the stream ends within `SILENCE_S`, or `TOLD_S` after the first
   message that reports it, if a bad link makes that later, or when the mode is stale. No
   setpoint comes later without a new order;
