@@ -86,7 +86,7 @@ class RouteManager:
 
     @property
     def barred(self) -> str | None:
-        """Reason to hold: the maps bar the path ahead, and no plan leads round; None without it."""
+        """Reason to hold: the maps bar the path ahead, and no plan avoids it; None without it."""
         obstacle = None
         if self._no_detour and self.flight is not None:
             obstacle = self.flight.barred_by

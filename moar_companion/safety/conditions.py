@@ -300,7 +300,7 @@ CONDITIONS = (
     ),
     Condition(
         name="path_barred",
-        starts="what is seen stands in the path ahead, and no plan leads round it",
+        starts="a seen obstacle bars the path ahead, and no plan avoids it",
         action=Action.HOLD,
         override=Override.ORDER,
     ),
@@ -346,7 +346,7 @@ CONDITIONS = (
     ),
     Condition(
         name="no_progress",
-        starts="the setpoint stands on its way: the aircraft does not follow, or no plan leads on",
+        starts="the setpoint does not move on: the aircraft does not follow, or there is no plan",
         action=Action.CONTINUE,
         after_s=10.0,
         over_s=1.0,

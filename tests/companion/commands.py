@@ -1,4 +1,4 @@
-"""A desk on two links, and what it has carried out and answered."""
+"""A desk on two links; the orders that it carried out and its answers."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def carried_out(desk):
 
 
 def answers(desk):
-    """(link, system and component that are answered, command, result) of every answer."""
+    """Every answer: (link, system and component of the addressee, command, result)."""
     return [
-        (link, (said.target_system, said.target_component), said.command, said.result)
-        for _, link, said in desk.sent
-        if said.get_type() == "COMMAND_ACK"
+        (link, (ack.target_system, ack.target_component), ack.command, ack.result)
+        for _, link, ack in desk.sent
+        if ack.get_type() == "COMMAND_ACK"
     ]
 
 

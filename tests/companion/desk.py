@@ -2,7 +2,7 @@
 
 The aircraft is wherever its setpoint is while the mode is OFFBOARD (or ArduPilot's GUIDED), and
 stands still otherwise.
-Everything speaks raw pymavlink.
+All messages are raw pymavlink.
 """
 
 from __future__ import annotations
@@ -83,9 +83,9 @@ KEEP_OUT_M = 0.9
 
 @functools.cache
 def usual_planner():
-    """Planner of a narrow site: targets 2 m beside their conductors, with a margin of 0.9 m in all.
+    """Planner of a narrow site: targets 2 m beside their conductors, total margin 0.9 m.
 
-    However far the aircraft is from its setpoint, obstacles are no wider for that.
+    The tracking error does not widen obstacles.
     """
     configs = shipped_configs()
     site = Site.load(configs / "sites" / "315kv_double_circuit.yaml")
@@ -111,12 +111,12 @@ _MACHINES = {
     "vehicle",
     "_codec",
 }
-"""Of a desk that has not begun: the same for all whose other attributes are the same."""
+"""Parts of a desk before its start: equal for desks whose other attributes are equal."""
 _came = {}
 
 
 class Desk:
-    """The companion and all that it hears."""
+    """The companion and the source of all data that it receives."""
 
     def __init__(
         self,
@@ -158,19 +158,19 @@ class Desk:
         self.ours = OFFBOARD if px4 else GUIDED
         self.mode, self.system_status = AUTO_HOLD if px4 else LOITER, ACTIVE
         self.velocity_ned_mps = (0.0, 0.0, 0.0)
-        """As the autopilot tells it."""
+        """As the autopilot reports it."""
         self.yaw_rad, self.yaw_rate_radps = 0.3, 0.0
         """Progress likewise: the nose does not follow the setpoints."""
         self.armed, self.landed_state = True, 2
         self.estimate_off_ned_m = (0.0, 0.0, 0.0)
         """Distance of the estimator's frame from the one in which `position_ned_m` is."""
         self.behind_ned_m = (0.0, 0.0, 0.0)
-        """Where the aircraft is from its setpoint."""
+        """Offset of the aircraft from its setpoint."""
         self.boot_s = 100.0
         self.reset_counter = None
         """Reset counter of ODOMETRY; None where the autopilot sends none."""
         self.position_boot_s = None
-        """The clock in LOCAL_POSITION_NED when it stands still."""
+        """Frozen clock of LOCAL_POSITION_NED; None while the clock runs."""
         self.parameters = {**profile(kind_of(autopilot)).failsafe_defaults, **PARAMETERS}
         self.fence_items = fence_items
         """Number of fence items that the autopilot reports; it sends none."""
@@ -186,7 +186,7 @@ class Desk:
         """Types of messages that the autopilot does not send."""
         self.now_s = 50.0
         self.received = []
-        """(time, link, bytes) of everything the companion heard."""
+        """(time, link, bytes) of all data that the companion received."""
         self.answered = []
         """(job, answer) of the planner."""
         self.plan_delay_s = plan_delay_s
@@ -198,7 +198,7 @@ class Desk:
         self.contingencies = False
         """True if the planner answers the jobs of contingencies, too."""
         self.sent = []
-        """(time, link, message) of everything the companion sent."""
+        """(time, link, message) of every message that the companion sent."""
         self.decisions = []
         self.raw = b""
         self._codec = mavlink.MAVLink(None)
@@ -207,7 +207,7 @@ class Desk:
         self._count = 0
 
     def __deepcopy__(self, memo):
-        """To be moved on by itself; what never changes, and what is past, is the same."""
+        """Independent copy; constants and past data are shared."""
         site_maps = (self.planner, self.planner.maps, self.planners, self.site, self.vehicle)
         memo |= {id(item): item for item in site_maps}
         twin = memo[id(self)] = copy.copy(self)
@@ -339,7 +339,7 @@ class Desk:
         )
 
     def _odometry(self):
-        """As PX4 fills it, but for the pose, which nobody here reads."""
+        """ODOMETRY as PX4 fills it, without the pose, which the tests do not read."""
         unknown = [math.nan] * 21
         return mavlink.MAVLink_odometry_message(
             round(self.boot_s * 1e6),
@@ -354,7 +354,7 @@ class Desk:
         )
 
     def _how_it_fares(self):
-        """Receiver, estimator, battery and ground station, by what the test has set."""
+        """Messages of receiver, estimator, battery and ground station, with the test's values."""
         said = [
             mavlink.MAVLink_gps_raw_int_message(
                 round(self.boot_s * 1e6),
@@ -404,7 +404,7 @@ class Desk:
             )
         return said
 
-    # What is done
+    # Actions
 
     def handle(self, data, link=LINK):
         self.received.append((self.now_s, link, data))
@@ -419,7 +419,7 @@ class Desk:
         return self
 
     def run_until_sought(self, mission, seconds=10.0):
-        """Until the planner is asked for a mission."""
+        """Runs until the planner receives a request for a mission."""
         for _ in range(round(seconds / STEP_S)):
             if self.jobs[-1].request.mission.value == mission:
                 return self
@@ -443,7 +443,7 @@ class Desk:
         return self.handle((peer or self.operator).command(command, mission, index, target=target))
 
     def report_parameter(self, name):
-        """The autopilot's answer, or its word that somebody has set it."""
+        """PARAM_VALUE: the answer to a request, or the report of a change."""
         if name in self.parameters:
             real = mavlink.MAV_PARAM_TYPE_REAL32
             told = mavlink.MAVLink_param_value_message(
@@ -452,14 +452,14 @@ class Desk:
             self.handle(self.autopilot.pack(told))
 
     def set_parameters(self, **values):
-        """Somebody sets them, and the autopilot says so."""
+        """Sets parameters; the autopilot reports the change."""
         self.parameters.update(values)
         for name in values:
             self.report_parameter(name)
         return self
 
     def report_home(self, x_m):
-        """The autopilot's home is under this place of the plane from now on."""
+        """Moves the autopilot's home below this place of the plane."""
         home = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
         told = create(
             "HOME_POSITION",
@@ -477,12 +477,12 @@ class Desk:
         return self.handle(self.autopilot.pack(told))
 
     def say_heartbeat(self, mode, status=ACTIVE):
-        """The autopilot's mode, told at once."""
+        """Changes the autopilot's mode and sends a HEARTBEAT at once."""
         self.mode, self.system_status = mode, status
         return self.handle(self.autopilot.pack(self._heartbeat()))
 
     def drift(self, north_m, east_m, down_m, *, seconds=2.0):
-        """The aircraft moves away without its setpoint, evenly."""
+        """Moves the aircraft away from its setpoint at constant speed."""
         steps = round(seconds / STEP_S)
         for _ in range(steps):
             self.position_ned_m = tuple(
@@ -493,7 +493,7 @@ class Desk:
         return self
 
     def fall_behind(self, *behind_ned_m, seconds=2.0):
-        """The aircraft comes to follow its setpoint at another place, evenly."""
+        """Changes the offset of aircraft and setpoint at constant speed."""
         before, steps = self.behind_ned_m, round(seconds / STEP_S)
         for step in range(1, steps + 1):
             self.behind_ned_m = tuple(
@@ -504,22 +504,22 @@ class Desk:
         return self
 
     def jump(self, *off_ned_m):
-        """The estimator is reset: from its next word on its frame lies elsewhere."""
+        """Resets the estimator: from its next report on its frame has moved."""
         self.run_to_position().estimate_off_ned_m = off_ned_m
         return self
 
     def run_to_position(self):
-        """Until the next step brings a position."""
+        """Runs until the next step brings a position."""
         return self.step() if self._count % 2 else self
 
     def run_to_heartbeat(self):
-        """Until the autopilot's heartbeat has just been heard: the next one comes in a second."""
+        """Runs until a heartbeat has just been received: the next one comes in a second."""
         while self._count % 50 != 1:
             self.step()
         return self
 
     def answer_plan(self, number=-1, **changes):
-        """The planner's answer to a job that waits."""
+        """Gives the planner's answer to a waiting job."""
         job = self.jobs[number]
         answer = (
             PlanAnswer(job_id=job.job_id, **changes) if changes else answer_job(self.planners, job)
@@ -535,9 +535,9 @@ class Desk:
         self.companion.plan_answered(answer)
 
     def come_to(self, state, mission=INSPECTION, *, then_s=0.0):
-        """From hovering to a state, by the usual way, and on for a time.
+        """Flies from a hover to a state, then continues for `then_s`.
 
-        Flown once by the desks that are alike.
+        Desks with equal options share one flight.
         """
         if self._count or self.received:
             return self._come_to(state, mission).run(then_s)
@@ -563,7 +563,7 @@ class Desk:
         self.run(1.1).say_heartbeat(self.ours).run_until("flying", 0.1)
         return self if state == "flying" else self.run_until(state, 120.0)
 
-    # What was sent
+    # Sent packets
 
     def messages(self, kind, since_s=-math.inf):
         return [
@@ -589,12 +589,12 @@ class Desk:
     def texts(self):
         texts = []
         for message in self.messages("STATUSTEXT"):
-            assert message.id == 0, message.text  # one chunk carries it
+            assert message.id == 0, message.text  # a text has one chunk
             texts.append(message.text)
         return texts
 
     def reasons_told(self):
-        """Reasons of the texts, with the details that only the record has."""
+        """Reasons of the texts, with the details that only the recording has."""
         return [data["reason"] for data in self.decided("text")]
 
     def said(self, words):

@@ -1,7 +1,7 @@
-"""Permitted packets of the companion, computed anew from its received packets.
+"""Permitted packets of the companion, computed independently from its received packets.
 
-Asked are the packets on its links, the planner's answers and the site and vehicle files; nothing of
-the companion's own. Distances are Shapely's, the map between the frames is the simulator's.
+Inputs: packets on its links, the planner's answers, the site and vehicle files; no data of the
+companion itself. Distances are Shapely's; the map between the frames is the simulator's.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ from .desk import (
 LIMITS = Supervision(position_uncertainty_m=KEEP_OUT_M)
 _ATTITUDE_S = 1.0
 _SECOND_S = 1.0
-"""A second autopilot is remembered at least for so long."""
+"""Least time for which a second autopilot counts after its last heartbeat."""
 _CLOCK_BACK_MS = 2000
 _FORGIVEN_M = 2e-3
-"""Rounding of the way to and fro between the frames."""
+"""Rounding of conversions between the frames."""
 _ROUNDING_MPS = 0.06
 _HARDER = 4.0
 """A setpoint that moves changes its speed no harder than this times the planned acceleration."""
 _JUMP_M = 0.1
-"""A position that moves by more from one word to the next takes the setpoint along."""
+"""A greater step between two positions is a jump, which moves the setpoint."""
 _JUMP_S = 0.4
 _REPEAT_S = 2.0
-"""The same words of the same sender come so soon again are the same order, ..."""
+"""A command repeated by its sender within this time is the same order, ..."""
 _CONFIRMED_REPEAT_S = 30.0
-"""... with a confirmation above 0 within this."""
+"""... with a confirmation above 0 within this time."""
 
 
 _COPTER_LAND = 9
@@ -63,11 +63,11 @@ _WITH_LAST_SETPOINT = {
     "an old attitude",
     "a second autopilot",
 }
-"""The autopilot still follows us then."""
+"""States in which the autopilot still follows the companion."""
 
 
 class Judge:
-    """Looks at a desk after every step of it, and fails on what must not have been sent."""
+    """Checks a desk after every step; fails on a forbidden packet."""
 
     def __init__(self, desk, authority):
         self.desk = desk
@@ -79,20 +79,20 @@ class Judge:
         self.codec.robust_parsing = True
         self.seen = {"received": 0, "answered": 0, "sent": 0}
         self.looked_s = desk.now_s
-        # Of the autopilot.
+        # Autopilot
         self.heartbeat = self.origin = self.position = None
         self.heartbeat_s = self.position_s = self.attitude_s = self.foreign_s = -math.inf
         self.landed_state = 0
         self.restarted_s = -math.inf
         self.accuracy_m = {}
         self.jumps = deque()
-        # Of the orders.
+        # Orders
         self.given_s = {}
         self.awaiting = set()
-        """Numbers of the commands that were ordered anew and not answered yet."""
+        """Numbers of commands that were ordered again and have no answer yet."""
         self.mode_requests_left = 0
         self.failsafe_known = False
-        # Of the stream.
+        # Stream
         self.may_stream = False
         """An order was accepted since the stream ended."""
         self.controlled = self.pilots = False
@@ -101,7 +101,7 @@ class Judge:
         self.free = {}
 
     def look(self):
-        """At everything since the last look, in its order."""
+        """Checks all packets since the last call, in their order."""
         now_s = self.desk.now_s
         if now_s == self.looked_s:
             return
@@ -142,7 +142,7 @@ class Judge:
         self.seen[name] = len(items)
         return fresh
 
-    # What is heard
+    # Received packets
 
     def _handle(self, message, now_s):
         source = (message.get_srcSystem(), message.get_srcComponent())
@@ -174,9 +174,9 @@ class Judge:
         elif kind == "ATTITUDE":
             self.attitude_s = now_s
         elif kind == "LOCAL_POSITION_NED":
-            self._hear_position(message, now_s)
+            self._handle_position(message, now_s)
 
-    def _hear_position(self, message, now_s):
+    def _handle_position(self, message, now_s):
         place = (message.x, message.y, message.z)
         if not all(map(math.isfinite, (*place, message.vx, message.vy, message.vz))):
             return
@@ -206,12 +206,12 @@ class Judge:
             self.may_stream = True
             self.mode_requests_left = 1
             self.failsafe_known |= self._failsafe()
-        # Cancelled is an order in whose place another one may have come.
+        # A cancelled order may have been replaced by another one.
         if message.result not in {mavlink.MAV_RESULT_IN_PROGRESS, CANCELLED}:
             self.awaiting.discard(message.command)
 
     def _forbid(self):
-        """Nothing is streamed any more until something is ordered anew."""
+        """Forbids setpoints until a new order."""
         self.may_stream = False
         self.awaiting.clear()
         self.mode_requests_left = 0
@@ -222,7 +222,7 @@ class Judge:
         return self.last is not None
 
     def _note_legs(self, job, answer):
-        """The checked legs of a plan: out of where nothing may be planned, and to its landing."""
+        """Notes the checked legs of a plan: the escape leg and the landing leg."""
         if answer.plan is None:
             return
         points = [tuple(point) for point in answer.plan.waypoints.position_m.tolist()]
@@ -232,20 +232,20 @@ class Judge:
         if leg is not None:
             self.legs.append(LineString(points[-1 - len(leg.points_m) :]))
 
-    # What ends control
+    # End of control
 
     def _mode(self):
         return None if self.heartbeat is None else self.heartbeat.custom_mode
 
     def _failsafe(self):
-        """True if a failsafe has taken the mode: ArduPilot also reports one that has not."""
+        """True if a failsafe changed the mode; ArduPilot also reports failsafes that did not."""
         if self.heartbeat is None or self.heartbeat.system_status < CRITICAL:
             return False
         px4 = self.manner is Manner.PX4
         return self._mode() != self.our_mode and (px4 or self._mode() in _FAILSAFE_MODES)
 
     def _ended(self, now_s):
-        """Reason why nothing may be streamed now; None when an ordered stream may be."""
+        """Reason why no setpoint is permitted now; None if an ordered stream is permitted."""
         if self.heartbeat is None or self.position is None:
             return "an autopilot that is not known"
         reasons = {
@@ -261,7 +261,7 @@ class Judge:
         }
         return next((reason for reason, holds in reasons.items() if holds), None)
 
-    # What is sent
+    # Sent packets of control
 
     def _judge_mode_request(self, message):
         assert self.authority is Authority.ENGAGE
@@ -273,7 +273,7 @@ class Judge:
             self.mode_requests_left -= 1
 
     def _judge_last_setpoint(self, message, ended):
-        """One last setpoint where the one before was, at rest; none to whom it would harm."""
+        """Checks the last setpoint: at the previous one, at rest; none if control was taken."""
         assert ended in _WITH_LAST_SETPOINT, ended
         assert self.last is not None, ended
         assert (message.vx, message.vy, message.vz) == (0.0, 0.0, 0.0), ended
@@ -281,7 +281,7 @@ class Judge:
         self.last = None
 
     def _judge(self, message, now_s):
-        """A setpoint by its form, its place and how it has come there."""
+        """Checks a setpoint: form, place and motion."""
         place, velocity = (message.x, message.y, message.z), (message.vx, message.vy, message.vz)
         assert all(map(math.isfinite, (*place, *velocity, message.yaw)))
         assert (message.type_mask, message.coordinate_frame) == (0x9C0, 1)
@@ -292,7 +292,7 @@ class Judge:
         here = local_place(self.desk.site, self.manner, self.origin, message)
         objection = self._objection(here, velocity)
         if objection is not None and self.jumps and not any(velocity):
-            self._forbid()  # where a jump has put it, it stands: the last one
+            self._forbid()  # the last setpoint, at rest after a jump
         else:
             assert objection is None, objection
 
@@ -309,12 +309,12 @@ class Judge:
             assert moved_m <= greatest_mps * (now_s - before_s) + _FORGIVEN_M, "it jumps"
             hard_mps2 = _HARDER * self.desk.vehicle.guidance.acceleration_mps2
             changed_mps = hard_mps2 * (now_s - before_s) + speed.min_mps + _ROUNDING_MPS
-            # To stay where it was it may stop at once.
+            # A setpoint that stays at its place may stop at once.
             assert not any(velocity) or math.dist(velocity, before_mps) <= changed_mps, "too hard"
         self.last = (now_s, place, velocity)
 
     def _objection(self, place, velocity):
-        """Reason why it must not be there; None when it may."""
+        """Reason why a place is forbidden; None if it is permitted."""
         x_m, y_m, z_m = place
         space = self.desk.site.workspace
         if abs(y_m) > LIMITS.plane_tolerance_m + _FORGIVEN_M:
@@ -325,8 +325,8 @@ class Judge:
             self._is_free(cell, widened_m) for cell in cells_within(place, space, _FORGIVEN_M)
         ):
             return None
-        # A leg leads through what else is not free; not through a cell that is only too near, and
-        # one to a landing only where it has room.
+        # A leg may cross cells that are not free, except cells that are only too near. A landing
+        # leg needs its room.
         width_m = space.resolution_m + _FORGIVEN_M
         room_m = clearances_m(self.desk.site, [place], keep_out=True)[0] + width_m
         roomy = room_m >= self.desk.vehicle.radius_m + widened_m
@@ -343,7 +343,7 @@ class Judge:
         return self.free[key]
 
     def _widened_m(self):
-        """Known uncertainty of the position beyond the keep-outs' allowance."""
+        """Reported position error beyond the keep-outs' allowance."""
         known = {
             source: accuracy_m
             for source, accuracy_m in self.accuracy_m.items()

@@ -1,7 +1,7 @@
-"""The whole companion under any sequence of inputs (hypothesis): nothing forbidden ever leaves.
+"""The whole companion under any sequence of inputs (hypothesis): no forbidden packet is sent.
 
 No sequence yields a setpoint that the gate's rules forbid, nor control after an override or a
-failsafe without a new order. `judge` tells the rules anew.
+failsafe without a new order. `judge` has an independent copy of the rules.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ ORDERS = st.sampled_from(
 PLACES_M = st.sampled_from(
     [
         (27.0, 2.6),  # under the start
-        (25.0, 10.0),  # beside a conductor, on the way to a target
-        (20.8, 5.4),  # above one
-        (15.0, 2.4),  # barely high enough
+        (25.0, 10.0),  # beside a conductor, on the path to a target
+        (20.8, 5.4),  # above a conductor
+        (15.0, 2.4),  # just above the least altitude
         (22.0, 3.9),  # inside a keep-out
-        (29.5, 5.0),  # where an exit leaves the workspace
-        (0.5, 5.0),  # where an evacuation does
+        (29.5, 5.0),  # at the border that an exit crosses
+        (0.5, 5.0),  # at the border that an evacuation crosses
     ]
 )
 """(x, z) where the aircraft hovers at first."""
@@ -79,7 +79,7 @@ PLACES_M = st.sampled_from(
 
 @functools.cache
 def planner():
-    """The usual one, with a least altitude that lies inside a cell rather than between two.
+    """Usual planner with a least altitude inside a cell, not on a border of cells.
 
     Beside the landing leg of an exit stands a pole.
     """
@@ -92,10 +92,10 @@ def planner():
 
 _SILENT_STEPS = 30
 _GOES_ON_S = 3.5
-"""After any trouble: accuracy is told once a second, obstacles shrink after three."""
+"""Wait after any trouble: accuracy is reported once a second, obstacles shrink after three."""
 
 EVENTS = []
-"""(name of a method of AnyInput, its arguments by name) of everything that may happen."""
+"""Possible events: (name of a method of AnyInput, its arguments by name)."""
 
 
 def happens(**arguments):
@@ -290,7 +290,7 @@ class AnyInput(RuleBasedStateMachine):
         if order is not None:
             self.something_is_ordered(order)
             self._run(1.3)
-            # Who would ask for the mode asks when he has just heard which one it is.
+            # The companion requests a mode only just after a report of the mode.
             self.desk.say_heartbeat(self.desk.mode, self.desk.system_status)
             self._run()
 
@@ -418,7 +418,7 @@ class AnyInput(RuleBasedStateMachine):
 
 
 def _without_numbers(words):
-    """They may have changed since they were told."""
+    """The text without its numbers, which may have changed since it was sent."""
     return re.sub(r"[-\d.]+", "#", words)
 
 
@@ -435,10 +435,10 @@ def check(examples):
     )
 
 
-def test_no_sequence_of_inputs_makes_it_send_what_it_must_not():
+def test_no_sequence_of_inputs_makes_the_companion_send_a_forbidden_packet():
     check(3)
 
 
 @pytest.mark.slow
-def test_no_long_search_finds_one_either():
+def test_no_long_search_finds_a_sequence_that_makes_the_companion_send_a_forbidden_packet():
     check(sampled(8, 60))

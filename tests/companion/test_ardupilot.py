@@ -1,4 +1,4 @@
-"""An ArduPilot on the desk: GUIDED, which it lets a companion take back at any time.
+"""An ArduPilot on the desk: a companion may take GUIDED back at any time.
 
 At the end an autopilot of an unknown kind, which is not flown.
 """
@@ -31,8 +31,8 @@ def ardupilot(**options):
     return Desk(autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, **options)
 
 
-def test_guided_that_is_already_given_is_flown_from_as_soon_as_the_plan_is_there():
-    """A take-off in GUIDED stays in GUIDED; nothing needs a stream before."""
+def test_an_aircraft_already_in_guided_flies_as_soon_as_the_plan_is_ready():
+    """After a take-off in GUIDED the mode stays GUIDED and needs no stream before."""
     desk = ardupilot()
     desk.mode = GUIDED
     desk.run(1.2)
@@ -42,7 +42,7 @@ def test_guided_that_is_already_given_is_flown_from_as_soon_as_the_plan_is_there
     assert not desk.mode_requests()
 
 
-def test_an_aircraft_that_flies_elsewhere_in_guided_is_asked_to_hover_first():
+def test_a_mission_for_an_aircraft_that_moves_in_guided_is_rejected_until_the_aircraft_hovers():
     desk = ardupilot()
     desk.mode = GUIDED
     desk.velocity_ned_mps = (0.0, 3.0, 0.0)
@@ -54,7 +54,7 @@ def test_an_aircraft_that_flies_elsewhere_in_guided_is_asked_to_hover_first():
 
 
 @pytest.mark.parametrize("landed_state", [0, 1, 3])
-def test_nothing_is_streamed_before_it_is_in_the_air(landed_state):
+def test_nothing_is_streamed_before_the_aircraft_is_in_the_air(landed_state):
     """Setpoints between the acknowledgement of a take-off and lift-off cancel the take-off."""
     desk = ardupilot()
     desk.mode, desk.landed_state = GUIDED, landed_state
@@ -69,8 +69,10 @@ def test_nothing_is_streamed_before_it_is_in_the_air(landed_state):
 @pytest.mark.parametrize(
     ("failsafe", "state"), [(RTL, "released"), (LAND, "released"), (LOITER, "overridden")]
 )
-def test_a_failsafe_is_never_flown_out_of_though_guided_would_be_given(failsafe, state, authority):
-    """LOITER no failsafe chooses: that is a pilot, while one is told."""
+def test_a_failsafe_is_never_left_even_if_the_autopilot_would_accept_guided(
+    failsafe, state, authority
+):
+    """No failsafe chooses LOITER: during a reported failsafe LOITER is a takeover."""
     desk = ardupilot(authority=authority).come_to("flying", then_s=2.0)
     desk.say_heartbeat(failsafe, CRITICAL)
     acted = desk.now_s
@@ -84,18 +86,18 @@ def test_a_failsafe_is_never_flown_out_of_though_guided_would_be_given(failsafe,
 
 
 @pytest.mark.parametrize("authority", [Authority.STREAM, Authority.ENGAGE])
-def test_a_fence_that_acts_without_a_failsafe_status_is_not_fought(authority):
+def test_a_fence_action_without_a_failsafe_status_is_not_overridden(authority):
     desk = ardupilot(authority=authority).come_to("flying", then_s=2.0)
     asked = len(desk.mode_requests())
     desk.say_heartbeat(RTL)
     acted = desk.now_s
     desk.run(5.0).order(EXIT).run(5.0)
-    assert desk.state == "ready"  # a hold is offered, for the pilot to take
+    assert desk.state == "ready"  # the companion offers a hold to the pilot
     assert len(desk.mode_requests()) == asked
     assert desk.setpoints(acted)
 
 
-def test_a_pilot_who_gives_guided_back_is_not_flown_for_until_ordered():
+def test_guided_given_back_by_a_pilot_starts_nothing_until_a_new_order():
     desk = ardupilot().come_to("flying", then_s=2.0)
     desk.say_heartbeat(LOITER)
     took = desk.now_s
@@ -106,7 +108,7 @@ def test_a_pilot_who_gives_guided_back_is_not_flown_for_until_ordered():
     assert desk.state == "flying"
 
 
-def test_with_resume_the_mode_given_back_goes_on_with_what_was_interrupted():
+def test_with_resume_the_mode_given_back_resumes_the_interrupted_mission():
     desk = ardupilot(resume=True).come_to("flying", then_s=2.0)
     desk.say_heartbeat(LOITER).run(3.0)
     assert desk.state == "overridden"
@@ -115,7 +117,7 @@ def test_with_resume_the_mode_given_back_goes_on_with_what_was_interrupted():
 
 
 @pytest.mark.parametrize("order", [RELEASE, HOLD])
-def test_what_an_operator_ends_while_a_pilot_flies_is_not_resumed(order):
+def test_a_mission_that_an_operator_ends_while_a_pilot_flies_is_not_resumed(order):
     desk = ardupilot(resume=True).come_to("flying", then_s=2.0)
     desk.say_heartbeat(LOITER).run(1.0)
     desk.order(order).run(1.0)
@@ -125,8 +127,8 @@ def test_what_an_operator_ends_while_a_pilot_flies_is_not_resumed(order):
     assert not desk.setpoints(took)
 
 
-def test_a_plan_that_comes_when_the_aircraft_has_left_its_place_is_not_flown():
-    """In GUIDED a ground station may have sent it elsewhere meanwhile."""
+def test_a_plan_is_not_flown_when_the_aircraft_has_left_its_start():
+    """In GUIDED a ground station may have moved the aircraft meanwhile."""
     desk = ardupilot(plan_delay_s=2.0)
     desk.mode = GUIDED
     desk.run(1.2).order(INSPECTION).drift(0.0, 0.0, -2.0).run(1.0)
@@ -135,7 +137,7 @@ def test_a_plan_that_comes_when_the_aircraft_has_left_its_place_is_not_flown():
     assert not desk.setpoints()
 
 
-def test_a_release_before_the_first_setpoint_sends_none_of_an_earlier_flight():
+def test_a_release_before_the_first_setpoint_sends_no_setpoint_of_an_earlier_flight():
     desk = ardupilot().come_to("flying", then_s=2.0)
     desk.order(RELEASE).run(1.0)
     desk.say_heartbeat(LOITER).drift(0.0, -4.0, -2.0).say_heartbeat(GUIDED).run(1.2)
@@ -147,13 +149,13 @@ def test_a_release_before_the_first_setpoint_sends_none_of_an_earlier_flight():
     assert not desk.setpoints(moved)
 
 
-def test_a_mode_of_the_autopilots_own_is_not_called_the_pilots():
+def test_a_mode_that_the_autopilot_chose_is_not_reported_as_a_takeover():
     desk = ardupilot().come_to("flying", then_s=2.0)
     desk.say_heartbeat(RTL).run(0.1)
     assert desk.said("MOAR: autopilot in RTL")
 
 
-def test_an_order_while_it_lands_is_for_later():
+def test_an_order_during_a_landing_is_temporarily_rejected():
     """Setpoints belong in the air: PX4 resumes OFFBOARD during a landing as soon as they come."""
     desk = ardupilot()
     desk.mode, desk.landed_state = LAND, 4
@@ -162,7 +164,7 @@ def test_an_order_while_it_lands_is_for_later():
     assert not desk.setpoints()
 
 
-def test_an_autopilot_of_an_unknown_kind_is_heard_and_not_flown():
+def test_an_autopilot_of_an_unknown_kind_is_received_and_not_flown():
     desk = Desk(autopilot=mavlink.MAV_AUTOPILOT_GENERIC).run(8.0).order(INSPECTION).run(1.0)
     assert desk.state == "idle"
     assert desk.answers() == [TEMPORARILY_REJECTED]

@@ -1,6 +1,6 @@
-"""Commands as bytes against the whole companion: from several sides, split, broken, at random.
+"""Commands as bytes for the whole companion: from several senders, split, broken, at random.
 
-What was carried out is what the companion records as an order; what was answered is what it sent.
+Carried out: the companion recorded an order. Answered: the companion sent a COMMAND_ACK.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from .desk import (
 NAN = math.nan
 ARM, GIMBAL = 400, 1000
 
-# As it should come ------------------------------------------------------------------------------
+# Correct commands -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ ARM, GIMBAL = 400, 1000
         (PAUSE_CONTINUE, 1, "continue", TEMPORARILY_REJECTED),
     ],
 )
-def test_as_long_and_as_int_a_command_is_carried_out_once_and_answered_once(
+def test_a_command_as_long_or_int_is_carried_out_once_and_answered_once(
     command, parameter, order, result
 ):
     for pack in (Peer.command, Peer.command_int):
@@ -57,8 +57,8 @@ def test_as_long_and_as_int_a_command_is_carried_out_once_and_answered_once(
         desk.handle(pack(desk.operator, command, parameter, 0)).run(0.5)
         assert carried_out(desk) == [order]
         assert answers(desk) == [(LINK, (255, 190), command, result)]
-        (said,) = desk.messages("COMMAND_ACK")
-        assert (said.get_srcSystem(), said.get_srcComponent()) == (1, 195)
+        (ack,) = desk.messages("COMMAND_ACK")
+        assert (ack.get_srcSystem(), ack.get_srcComponent()) == (1, 195)
 
 
 @pytest.mark.parametrize("pack", [Peer.command, Peer.command_int])
@@ -90,7 +90,7 @@ def test_parameters_that_mean_nothing_here_may_be_nan():
     assert (carried_out(desk), results(desk)) == (["release"], [ACCEPTED])
 
 
-# Where it comes from and goes to ----------------------------------------------------------------
+# Senders and addressees -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_parameters_that_mean_nothing_here_may_be_nan():
         ((2, 0), RELEASE, None),
     ],
 )
-def test_ours_is_answered_wherever_it_reaches_us_the_rest_only_when_it_names_us(
+def test_own_commands_are_answered_on_every_link_others_only_when_they_name_the_companion(
     target, command, result
 ):
     words = (USER_1, RELEASE) if command == RELEASE else (command, NAN)
@@ -177,7 +177,7 @@ def test_a_command_with_a_broken_byte_is_no_command_and_the_next_one_is():
         assert len(answers(desk)) == before + 1, place
 
 
-# Whatever the network does ----------------------------------------------------------------------
+# Any behaviour of the network -------------------------------------------------------------------
 
 SENDERS = ((255, 190), (254, 190), (255, 25))
 TARGETS = (*[(1, 195)] * 6, (1, 0), (0, 0), (1, 1), (2, 195))
@@ -205,9 +205,9 @@ class Arrival:
 
 @st.composite
 def traffic(draw):
-    """Orders, each of one sender over one link with words of its own, and how they arrive.
+    """Orders and their arrival; each order has one sender, one link and its own parameters.
 
-    Repeats of one order stay in order, as they are half a second apart; all else is shuffled.
+    Repeats of one order stay in order, as they are half a second apart; the rest is shuffled.
     """
     orders = draw(
         st.lists(

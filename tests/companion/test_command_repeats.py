@@ -1,6 +1,6 @@
-"""Commands as bytes against the whole companion: lost, doubled, late, taken back.
+"""Commands as bytes for the whole companion: lost, doubled, late, cancelled.
 
-What was carried out is what the companion records as an order; what was answered is what it sent.
+Carried out: the companion recorded an order. Answered: the companion sent a COMMAND_ACK.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def test_an_old_repeat_of_a_mission_does_not_undo_a_hold(motion, stop):
         desk.handle(desk.operator.command(*motion, confirmation=confirmation)).run(1.0)
     assert (desk.state, len(desk.jobs)) == ("holding", jobs)
     assert results(desk)[-2:] == [CANCELLED, CANCELLED]
-    desk.handle(desk.operator.command(*motion)).run(1.0)  # meant now
+    desk.handle(desk.operator.command(*motion)).run(1.0)  # a new order
     assert (desk.state, results(desk)[-1]) == ("flying", ACCEPTED)
 
 
@@ -123,7 +123,7 @@ def test_a_repeat_does_not_undo_another_ground_stations_hold(confirmation):
     assert (desk.state, results(desk)[-1]) == ("holding", CANCELLED)
 
 
-def test_a_repeated_hold_ends_what_another_ground_station_continued():
+def test_a_repeated_hold_ends_the_flight_that_another_ground_station_continued():
     desk, tablet = Desk().come_to("flying", then_s=1.0), Peer(254, 190)
     desk.order(HOLD).run(1.0).handle(tablet.command(PAUSE_CONTINUE, 1)).run(1.0)
     assert desk.state == "flying"
@@ -140,7 +140,7 @@ def test_pause_and_continue_count_as_they_arrive(orders, state):
     assert desk.state == state
 
 
-def test_what_is_none_of_ours_in_between_makes_no_repeat_old():
+def test_an_unsupported_command_in_between_makes_no_repeat_old():
     desk = hovering()
     desk.handle(desk.operator.command(USER_1, INSPECTION, -1)).run(0.5)
     desk.handle(desk.operator.command(512, 259)).handle(desk.operator.command(USER_1, 7)).run(0.5)
@@ -149,10 +149,10 @@ def test_what_is_none_of_ours_in_between_makes_no_repeat_old():
     assert len(desk.jobs) == 1
 
 
-# Taken back -------------------------------------------------------------------------------------
+# Cancelled --------------------------------------------------------------------------------------
 
 
-def test_an_order_is_taken_back_once_and_its_repeat_does_not_revive_it():
+def test_an_order_is_cancelled_once_and_its_repeat_does_not_restore_it():
     desk = hovering(plan_delay_s=None)
     desk.handle(desk.operator.command(USER_1, INSPECTION, -1)).step()
     packet = desk.operator.cancel(USER_1)
@@ -162,7 +162,7 @@ def test_an_order_is_taken_back_once_and_its_repeat_does_not_revive_it():
     assert len(desk.jobs) == 1
 
 
-def test_nobody_else_and_nobody_elsewhere_takes_an_order_back():
+def test_an_order_is_cancelled_only_by_its_sender_with_its_command_and_target():
     desk, tablet = hovering(plan_delay_s=0.3), Peer(254, 190)
     desk.handle(desk.operator.command(USER_1, INSPECTION, -1)).step()
     desk.handle(tablet.cancel(USER_1)).handle(desk.operator.cancel(PAUSE_CONTINUE))

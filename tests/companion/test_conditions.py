@@ -1,4 +1,4 @@
-"""The conditions of the supervisor, from the autopilot's words to what is streamed."""
+"""Conditions of the supervisor, from the autopilot's messages to the streamed setpoints."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ HOLDS = {
 
 
 @pytest.mark.parametrize("case", HOLDS)
-def test_it_holds_and_goes_on_by_itself_when_it_is_over(case):
+def test_a_condition_holds_the_mission_which_resumes_when_the_condition_clears(case):
     trouble, well, words = HOLDS[case]
     desk = Desk(wind_mps=4.0).come_to("flying", then_s=4.0)
     desk.set(**trouble).run_until("holding", 4.5)
@@ -55,14 +55,14 @@ def test_it_holds_and_goes_on_by_itself_when_it_is_over(case):
     assert resting(desk, desk.now_s - 1.0)
     began = desk.now_s
     desk.set(**well).run(2.0)
-    assert desk.state == "holding"  # not at the first good word
+    assert desk.state == "holding"  # one good message does not end the hold
     desk.run_until("flying", 10.0)
     assert len(desk.setpoints(began)) == pytest.approx((desk.now_s - began) * 50, abs=2)
     assert not resting(desk.run(1.0), desk.now_s - 0.5)
 
 
 @pytest.mark.parametrize("case", HOLDS)
-def test_what_an_operator_has_held_meanwhile_does_not_go_on(case):
+def test_a_mission_that_an_operator_has_held_meanwhile_does_not_resume(case):
     trouble, well, _ = HOLDS[case]
     desk = Desk(wind_mps=4.0).come_to("flying", then_s=4.0)
     desk.set(**trouble).run_until("holding", 4.5)
@@ -73,18 +73,18 @@ def test_what_an_operator_has_held_meanwhile_does_not_go_on(case):
 
 
 @pytest.mark.parametrize("case", HOLDS)
-def test_an_inspection_is_not_begun_and_the_reason_has_the_number(case):
+def test_an_inspection_is_rejected_with_the_measured_value(case):
     trouble, _, words = HOLDS[case]
     desk = Desk().set(**trouble).run(6.0).order(INSPECTION).run(0.5)
     assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
     assert desk.said(words)
     desk.order(EXIT).run(0.5)
-    # An exit may be ordered in a storm; without a position nothing can be flown.
+    # An exit may be ordered in strong wind, but not without a position.
     possible = case != "uncertainty"
     assert desk.answers()[-1] == (ACCEPTED if possible else TEMPORARILY_REJECTED)
 
 
-def test_an_escape_route_that_is_ordered_is_flown_through_the_wind():
+def test_an_ordered_escape_route_is_flown_in_wind_above_the_limit():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(wind_mps=21.0).run_until("holding", 5.0).run(0.6)
     desk.order(EVACUATION).run_until("flying", 1.0)
@@ -93,7 +93,7 @@ def test_an_escape_route_that_is_ordered_is_flown_through_the_wind():
 
 
 @pytest.mark.parametrize("state", ["ready", "planning"])
-def test_what_is_not_flown_yet_is_not_offered_any_more(state):
+def test_a_condition_withdraws_an_offer_that_is_not_flown_yet(state):
     desk = Desk()
     if state == "ready":
         desk.come_to("ready")
@@ -105,7 +105,7 @@ def test_what_is_not_flown_yet_is_not_offered_any_more(state):
     assert desk.said("MOAR: GNSS receiver has no 3D fix")
 
 
-def test_the_battery_at_its_reserve_leads_it_out_by_itself():
+def test_a_battery_at_its_reserve_makes_the_supervisor_begin_an_escape_route():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(battery_percent=20).run(4.5)
     assert (desk.state, flown(desk)) == ("flying", "exit")
@@ -114,10 +114,10 @@ def test_the_battery_at_its_reserve_leads_it_out_by_itself():
     assert flown(desk) == "evacuation"
     assert desk.said("MOAR: battery 0 is critical")
     desk.set(battery_percent=60, charge_state=1).run_until("landing_leg", 120.0)
-    assert flown(desk) == "evacuation"  # an escape route that was begun is flown
+    assert flown(desk) == "evacuation"  # a started escape route is flown to its end
 
 
-def test_an_escape_route_that_the_operator_prefers_is_flown():
+def test_an_escape_route_that_the_operator_orders_is_flown_instead_of_the_supervisors():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(charge_state=3).run(3.0)
     assert flown(desk) == "evacuation"
@@ -129,7 +129,7 @@ def test_an_escape_route_that_the_operator_prefers_is_flown():
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
 
 
-def test_escape_routes_without_a_plan_end_in_a_hold_until_there_is_one_and_are_told_now_and_then():
+def test_escape_routes_without_a_plan_hold_until_there_is_one_and_are_reported_seldom():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.plan_delay_s = None
     desk.set(battery_percent=15)
@@ -152,7 +152,7 @@ def test_escape_routes_without_a_plan_end_in_a_hold_until_there_is_one_and_are_t
     assert flown(desk) == "exit"
 
 
-def test_a_planner_that_is_silent_for_once_is_asked_for_the_escape_route_again():
+def test_the_escape_route_is_requested_again_when_the_planner_is_silent_once():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(plan_delay_s=None, battery_percent=15).run_until_sought("exit").run(5.1)
     assert desk.state == "holding"
@@ -161,7 +161,7 @@ def test_a_planner_that_is_silent_for_once_is_asked_for_the_escape_route_again()
     assert flown(desk) == "exit"
 
 
-def test_an_order_that_is_denied_leaves_the_evacuation_on():
+def test_a_denied_order_leaves_the_evacuation_on():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(charge_state=3, plan_delay_s=None).run_until_sought("evacuation").run(0.6)
     desk.order(EXIT).run(0.5).set(plan_delay_s=0.04)
@@ -173,7 +173,7 @@ def test_an_order_that_is_denied_leaves_the_evacuation_on():
 
 
 @pytest.mark.parametrize("action", LinkLoss)
-def test_a_ground_station_that_falls_silent(action):
+def test_the_loss_of_the_ground_station_has_the_configured_action(action):
     desk = Desk(supervision=Supervision(ground_link_action=action)).come_to("flying", then_s=2.0)
     station = Peer(255, 190)
     beat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
@@ -201,7 +201,7 @@ def test_jumps_that_add_up_are_held_until_a_new_order():
     assert desk.state == "flying"
 
 
-def test_a_planner_that_fails_in_flight_slows_it_down_and_then_holds_it():
+def test_a_planner_that_fails_in_flight_slows_the_flight_down_and_then_holds_it():
     desk = Desk().come_to("flying", then_s=1.0)
     desk.plan_delay_s = None
     desk.run(8.0)
@@ -217,21 +217,22 @@ def test_a_planner_that_fails_in_flight_slows_it_down_and_then_holds_it():
 
 
 @pytest.mark.parametrize("pressed", ["memory", "disk"])
-def test_a_computer_that_runs_out_of_room(pressed):
+def test_a_full_disk_rejects_inspections_and_low_memory_also_begins_an_exit(pressed):
     host = Host(disk_free=1e6, memory_available=1e9)
     if pressed == "memory":
         host = Host(disk_free=1e9, memory_available=50e6)
     desk = Desk().come_to("flying", then_s=2.0)
     desk.companion.note_host(host)
     desk.run(6.0)
-    # What is flown goes on without a record; what the system may end at any moment leaves.
+    # Without disk space the flight continues unrecorded. With low memory the system may kill the
+    # service at any time, so the companion exits.
     assert flown(desk) == ("exit" if pressed == "memory" else "inspection")
     desk.order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
     assert desk.said("disk 1 MB < " if pressed == "disk" else "memory 50 MB < ")
 
 
-def test_a_position_that_is_known_worse_keeps_what_moves_away_from_obstacles():
+def test_a_larger_position_error_keeps_the_moving_setpoint_away_from_obstacles():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(accuracy_m=1.9)
     desk.run_until("holding", 120.0)
@@ -243,41 +244,41 @@ def test_a_position_that_is_known_worse_keeps_what_moves_away_from_obstacles():
     assert desk.planner.maps.room_m[cell] >= 1.0 - 0.3
 
 
-def test_what_is_not_supervised_is_said_once():
+def test_missing_measurements_are_reported_once():
     desk = Desk()
     desk.mute = {"BATTERY_STATUS", "GPS_RAW_INT"}
     desk.come_to("flying", then_s=8.0)
-    told = [text for text in desk.texts() if "unknown: " in text]
-    assert told == ["MOAR: unknown: battery and 3 more"]
+    reported = [text for text in desk.texts() if "unknown: " in text]
+    assert reported == ["MOAR: unknown: battery and 3 more"]
 
 
 def ground_station(desk, *systems, seconds):
-    """These are heard once a second."""
+    """Sends heartbeats of these systems once a second."""
     for _ in range(round(seconds)):
         for system in systems:
             desk.handle(Peer(system, 190).ground_heartbeat()).run(1.0 / len(systems))
 
 
-def test_a_ground_station_that_comes_later_is_told_what_it_has_missed():
+def test_a_ground_station_that_connects_later_receives_the_earlier_reports():
     desk = Desk(supervision=Supervision(ground_link_action=LinkLoss.CONTINUE))
     desk.set(mute={"BATTERY_STATUS"}).come_to("flying", then_s=8.0)
     note = "MOAR: unknown: battery"
 
-    def told():
+    def reported():
         return sum(text.startswith(note) for text in desk.texts())
 
-    assert told() == 1
+    assert reported() == 1
     ground_station(desk, 255, seconds=3)
-    assert told() == 2
+    assert reported() == 2
     ground_station(desk, 255, 254, seconds=8)
-    assert told() == 3
-    desk.run(12.0)  # both are gone
+    assert reported() == 3
+    desk.run(12.0)  # both are silent
     assert desk.said("MOAR: no ground station for 1")
     ground_station(desk, 255, seconds=8)
-    assert told() == 4
+    assert reported() == 4
 
 
-def test_one_that_comes_later_is_told_why_the_mission_holds():
+def test_a_ground_station_that_connects_later_receives_the_reason_of_the_hold():
     desk = Desk(wind_mps=4.0).come_to("flying", then_s=4.0)
     desk.set(wind_mps=21.4).run_until("holding", 4.5).run(6.0)
     holds = "wind reported 21.4 m/s > 15"
@@ -286,11 +287,11 @@ def test_one_that_comes_later_is_told_why_the_mission_holds():
     assert desk.texts().count(f"MOAR: {holds}, holding") == 2
     desk.set(wind_mps=4.0)
     ground_station(desk, 255, seconds=3)
-    ground_station(desk, 254, 255, seconds=1)  # nothing is against it any more
+    ground_station(desk, 254, 255, seconds=1)  # no condition acts any more
     assert desk.texts().count(f"MOAR: {holds}, holding") == 2
 
 
-def test_an_exit_that_the_operator_prefers_is_not_told_as_if_it_were_not_his():
+def test_an_operators_exit_is_not_reported_as_the_supervisors_evacuation():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(charge_state=3).run(3.0).order(EXIT).run(5.0)
     ground_station(desk, 255, seconds=2)
@@ -303,7 +304,7 @@ def test_a_battery_that_falls_silent_is_no_battery_for_another_inspection():
     desk.run(14.0).order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == ACCEPTED
     desk.run(20.0)
-    assert (desk.state, flown(desk)) == ("flying", "inspection")  # what is flown goes on
+    assert (desk.state, flown(desk)) == ("flying", "inspection")  # the flight continues
     assert desk.said("MOAR: battery 0 is silent for 15 s")
     desk.order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
@@ -312,7 +313,7 @@ def test_a_battery_that_falls_silent_is_no_battery_for_another_inspection():
     assert desk.answers()[-1] == ACCEPTED
 
 
-def test_a_battery_stays_critical_when_only_a_summary_is_told_that_knows_nothing_of_it():
+def test_a_battery_stays_critical_when_only_a_summary_without_its_charge_state_arrives():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(charge_state=3).run(3.0).pause().run_until("holding", 1.0)
     desk.mute = {"BATTERY_STATUS"}
@@ -333,11 +334,11 @@ STRAYS = {
 
 
 @pytest.mark.parametrize("case", STRAYS)
-def test_an_aircraft_that_leaves_the_workspace_is_told_how_far_it_has(case):
+def test_an_aircraft_outside_the_workspace_is_reported_with_its_distance(case):
     behind_ned_m, words = STRAYS[case]
     desk = Desk().come_to("flying")
     at_ned_m = desk.position_ned_m
-    for step in range(200):  # it stays there, whatever setpoint it is sent
+    for step in range(200):  # the aircraft ignores its setpoints
         share = min(1.0, step / 50)
         strayed_ned_m = tuple(
             at + share * off for at, off in zip(at_ned_m, behind_ned_m, strict=True)
@@ -347,12 +348,12 @@ def test_an_aircraft_that_leaves_the_workspace_is_told_how_far_it_has(case):
     assert desk.said(f"MOAR: {words}")
 
 
-def test_what_begins_and_ends_is_recorded_once():
+def test_the_begin_and_the_end_of_a_condition_are_recorded_once():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.set(wind_mps=21.0).run(6.0).set(wind_mps=1.0).run(8.0)
-    told = [item for item in desk.decided("condition") if item["name"] == "wind"]
-    assert [item["began"] for item in told] == [True, False]
-    assert told[0]["action"] == "hold"
+    reported = [item for item in desk.decided("condition") if item["name"] == "wind"]
+    assert [item["began"] for item in reported] == [True, False]
+    assert reported[0]["action"] == "hold"
     assert desk.state == "flying"
     assert desk.said("MOAR: resuming")
 
@@ -367,7 +368,7 @@ def test_a_hold_ends_like_any_flight_when_the_pilot_takes_over():
     assert not desk.setpoints(took)
 
 
-def test_nothing_jumps_while_conditions_come_and_go():
+def test_no_setpoint_jumps_while_conditions_begin_and_end():
     desk = Desk().come_to("flying", then_s=2.0)
     began = desk.now_s
     for seconds in (4.0, 7.0, 4.0, 9.0):
@@ -376,14 +377,14 @@ def test_nothing_jumps_while_conditions_come_and_go():
     assert max(itertools.starmap(math.dist, itertools.pairwise(places))) <= 0.7 * 0.02 + 1e-3
 
 
-def test_nothing_is_said_of_conditions_before_anything_is_ordered():
+def test_no_condition_is_reported_before_the_first_order():
     desk = Desk()
     desk.companion.receive(LINK, b"", desk.now_s)
     desk.set(wind_mps=20.0, fix_type=0, battery_percent=3).run(8.0)
     assert not [text for text in desk.texts() if "MOAR" in text]
 
 
-# What is told no more ---------------------------------------------------------------------------
+# Missing messages -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -403,7 +404,7 @@ def test_nothing_is_said_of_conditions_before_anything_is_ordered():
         ({"accuracy_m": 2.4}, {"accuracy_m": math.nan}, {"accuracy_m": 0.3}),
     ],
 )
-def test_what_holds_ends_by_a_measurement_and_not_by_silence(bad, silent, well):
+def test_a_hold_ends_by_a_good_measurement_and_not_by_missing_ones(bad, silent, well):
     desk = Desk(wind_mps=5.0).come_to("flying", then_s=1.0)
     desk.set(**bad).run_until("holding", 6.0)
     name = desk.companion.ruling.conditions[0].condition.name
@@ -420,7 +421,7 @@ def test_obstacles_stay_as_wide_as_they_were_when_the_receiver_falls_silent():
     assert desk.jobs[-1].widening_m >= 0.8
 
 
-def test_it_is_told_of_what_still_holds_though_its_cause_is_over():
+def test_a_condition_that_still_holds_after_its_cause_is_over_is_reported_again():
     desk = Desk().set(reset_counter=0).come_to("flying", then_s=2.0)
     desk.jump(0.0, -2.0, -4.0).set(reset_counter=1).run(11.0)
     (jump,) = (

@@ -1,4 +1,4 @@
-"""From random places around the shipped sites an order is flown on free legs, or refused.
+"""Orders from random places around the shipped sites: flown on free legs, or refused.
 
 The judge samples the legs densely and takes distances from the site's own obstacles. Places are in
 the workspace, beside, above and below it, below the least altitude, and within keep-outs.
@@ -38,7 +38,7 @@ FENCE = PlaneFence(
     margin_m=1.5,
 )
 _NEAR_M = 1e-3
-"""Clearances are sampled, and legs checked ten times a cell."""
+"""Tolerance: clearances are sampled, and legs are checked ten times a cell."""
 
 
 @functools.cache
@@ -59,7 +59,7 @@ def samples(points):
 
 
 def judge_leg(planner, start_m, corners_m, fence):
-    """Free, or out of what the start is in: no obstacle comes too near, nothing sinks too low."""
+    """Asserts that a leg is free or leaves an occupied start without coming nearer or lower."""
     site, radius_m = planner.site, planner.vehicle.radius_m
     places_m = samples([start_m, *corners_m])
     low_m = site.workspace.min_altitude_m
@@ -125,7 +125,7 @@ def test_an_order_is_flown_on_legs_that_are_free_or_refused_with_a_reason(
         judge_leg(planner, start_m, answer.escape_m, fence)
     path_m = samples(answer.plan.waypoints.position_m.tolist())
     room_m = clearances_m(site, [(x, 0.0, z) for x, z in path_m.tolist()], keep_out=True)
-    # A path is free in its cells' centres: between two of them it may be nearer by part of a cell.
+    # A path is checked at cell centres: between two of them it may be nearer by part of a cell.
     assert min(room_m) >= vehicle.radius_m - 0.5 * site.workspace.resolution_m
     assert answer.plan.waypoints.position_m[0] == pytest.approx(
         answer.escape_m[-1] if answer.escape_m else start_m,
@@ -134,7 +134,7 @@ def test_an_order_is_flown_on_legs_that_are_free_or_refused_with_a_reason(
 
 
 def refused(start_m, mission=Mission.EXIT, **changes):
-    """The reason why nothing is flown from a place."""
+    """The reason why an order from a place is denied."""
     known = planners("315kv_double_circuit", autopilots.PX4)
     site = replace(known.exact.site, **changes)
     planner = Planner(site, known.exact.vehicle)
@@ -151,8 +151,8 @@ def refused(start_m, mission=Mission.EXIT, **changes):
     return pilot_text(answer.reason, "denied")
 
 
-def test_where_no_leg_leads_on_the_pilot_is_told_where_to_fly():
-    """In a cage 2 m wide, which no hull and margin leave, outside on either side, and inside."""
+def test_where_no_leg_is_free_the_pilot_receives_the_direction_to_fly():
+    """A cage 2 m wide, too narrow for hull and margin, outside on each side, and inside."""
     known = planners("315kv_double_circuit", autopilots.PX4)
     conductor = known.exact.site.obstacles[0]
 

@@ -31,7 +31,7 @@ def selected(intake, *arrived, now_s=0.0):
     return intake.selected(items, precedence, now_s)
 
 
-def test_what_is_within_the_budget_is_all_read_in_the_order_of_arrival():
+def test_all_data_within_the_budget_is_read_in_the_order_of_arrival():
     items = [(3.0, b"c", STATION), (1.0, b"a", ("other", 1)), (2.0, b"b", AUTOPILOT)]
     intake = Intake()
     assert [item[2] for item in selected(intake, *items)] == [b"a", b"b", b"c"]
@@ -73,7 +73,7 @@ def test_a_peer_is_read_before_strangers_and_a_quiet_peer_before_one_that_floods
     assert sum(max(64, len(item[2])) for item in kept) <= BUDGET_BYTES
 
 
-def test_what_is_dropped_is_told_at_once_and_then_every_half_minute():
+def test_dropped_data_is_reported_at_once_and_then_every_half_minute():
     intake, much = Intake(), bytes(BUDGET_BYTES + 1)
     selected(intake, (1.0, much, FLOODER))
     assert intake.texts(1.0) == [f"1 datagram too many ({LINK})"]
@@ -113,8 +113,8 @@ def test_a_flood_of_start_markers_costs_a_cycle_no_more_than_the_budget(size, kn
         desk.companion.take_in(flood, desk.now_s)
         assert len(steps) <= BUDGET_BYTES
         desk.step()
-    told = [m.text for _, link, m in desk.sent if m.get_type() == "STATUSTEXT" and link == LINK]
-    assert sum(text.endswith("datagrams too many, dropped") for text in told) == 1
+    texts = [m.text for _, link, m in desk.sent if m.get_type() == "STATUSTEXT" and link == LINK]
+    assert sum(text.endswith("datagrams too many, dropped") for text in texts) == 1
 
 
 def test_a_flood_after_a_pause_costs_one_cycle_no_more_than_the_longest_pauses_budget(steps):
@@ -134,7 +134,7 @@ def test_a_flood_after_a_pause_costs_one_cycle_no_more_than_the_longest_pauses_b
 @pytest.mark.parametrize("packets_ps", [412, 824])
 @pytest.mark.parametrize("stall_s", [0.05, 0.1, 0.25, 0.5])
 def test_an_order_behind_a_routers_telemetry_is_carried_out_after_a_stall(packets_ps, stall_s):
-    """The router hands on what the autopilot says, and the operator's order comes last."""
+    """The router forwards the autopilot's telemetry; the operator's order comes last."""
     desk = hovering()
     desk.companion.take_in([], desk.now_s)
     desk.now_s += stall_s

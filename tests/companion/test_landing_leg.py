@@ -1,4 +1,4 @@
-"""Stopped on a landing leg, outside the workspace: it goes on as soon as it may.
+"""Holds on a landing leg, outside the workspace: the flight resumes as soon as possible.
 
 A pole stands beside the leg of the exit, which leaves the workspace at x = 30 m; keep-outs
 allow for 0.9 m of uncertainty.
@@ -46,7 +46,7 @@ def planner():
 
 
 def moving(desk, seconds):
-    """Fraction of its setpoints that move meanwhile."""
+    """Fraction of the setpoints in this time that move."""
     began = desk.now_s
     desk.run(seconds)
     setpoints = desk.setpoints(began)
@@ -75,8 +75,8 @@ def room_m(desk):
 
 
 @pytest.mark.parametrize("battery_percent", [90, 15])
-def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent):
-    """Also where an escape route goes before the hold: an empty battery must not wait for ever."""
+def test_after_a_short_hold_for_room_the_flight_resumes_along_the_leg(desk, battery_percent):
+    """Also where an escape route overrides the hold: an empty battery must not wait for ever."""
     assert WELL_M < room_m(desk) + 0.9 < TOO_NARROW_M
     desk.set(battery_percent=battery_percent, plan_delay_s=None).run(4.5)
     place_m = along_m(desk)
@@ -89,7 +89,7 @@ def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent)
 
 
 @pytest.mark.parametrize(("battery_percent", "flown_to"), [(90, "landing_leg"), (15, "holding")])
-def test_where_it_stays_too_narrow_it_leaves_by_a_way_with_more_room(
+def test_where_room_stays_too_small_the_aircraft_leaves_by_a_wider_route(
     desk, battery_percent, flown_to
 ):
     desk.set(battery_percent=battery_percent).run(4.5).set(accuracy_m=TOO_NARROW_M)
@@ -101,8 +101,8 @@ def test_where_it_stays_too_narrow_it_leaves_by_a_way_with_more_room(
 
 
 @pytest.mark.parametrize("end", ["taken back", "denied"])
-def test_an_order_that_has_stopped_it_and_comes_to_nothing_lets_it_go_on(desk, end):
-    desk.plan_delay_s = 1.0  # too late to be joined: it comes to rest for the next one
+def test_an_order_that_stopped_the_aircraft_and_fails_lets_the_leg_resume(desk, end):
+    desk.plan_delay_s = 1.0  # too late to be joined: the aircraft stops for the next plan
     desk.order(INSPECTION).run(1.8)
     assert moving(desk, 0.1) == 0.0
     if end == "taken back":
@@ -118,7 +118,7 @@ def test_an_order_that_has_stopped_it_and_comes_to_nothing_lets_it_go_on(desk, e
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
-def test_a_jump_beside_the_leg_is_faded_back_before_it_goes_on(desk):
+def test_a_jump_beside_the_leg_is_faded_back_before_the_flight_resumes(desk):
     desk.jump(0.0, 0.0, 0.25).run(0.2)
     desk.pause().run(1.0)
     place = desk.setpoints()[-1]
@@ -148,7 +148,7 @@ def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(
     ("order", "behind_m"), [(EXIT, 0.0), (EXIT, 0.5), (INSPECTION, 0.5), (EVACUATION, 0.5)]
 )
 def test_an_order_after_a_jump_off_the_leg_is_flown(desk, order, behind_m):
-    """Not accepted and then held."""
+    """The order is not first accepted and then held."""
     desk.fall_behind(behind_m, 0.0, 0.0).set(reset_counter=1).run(0.2)
     desk.jump(0.0, 0.0, -0.4).set(reset_counter=2).run(2.5)
     assert desk.state == "holding"
@@ -173,7 +173,7 @@ def test_a_hold_on_the_leg_is_continued_along_it(desk, seconds):
 
 @flown_once
 def taken_over(*moved_ned_m):
-    """By the pilot, 2 m past the border, who moves it."""
+    """The pilot takes over 2 m past the border and moves the aircraft."""
     desk = on_its_leg()
     while along_m(desk) < 5.0:
         desk.step()
@@ -188,7 +188,7 @@ def given_back(desk):
 
 
 @pytest.mark.parametrize(("order", "beside_m"), [("exit", 1.2), ("continue", 0.0)])
-def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(order, beside_m):
+def test_a_leg_that_a_pilot_has_interrupted_is_continued_from_near_it(order, beside_m):
     desk = taken_over(0.0, 0.0, -beside_m)
     asked, place_m = len(desk.jobs), along_m(desk)
     if order == "exit":
@@ -203,7 +203,7 @@ def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(or
 
 
 @pytest.mark.parametrize(("battery_percent", "behind_m"), [(90, 0.3), (90, 0.6), (8, 0.6)])
-def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_beside_its_setpoint(
+def test_a_resumed_leg_continues_with_an_aircraft_that_the_wind_holds_beside_its_setpoint(
     battery_percent, behind_m
 ):
     """Also by the escape route of a critical battery, which no operator orders."""
@@ -220,7 +220,7 @@ def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_bes
     assert moving(desk, 1.0) == 1.0
 
 
-def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew():
+def test_from_farther_off_the_leg_the_aircraft_returns_and_exits_again():
     desk = taken_over(0.0, 0.0, -3.0)
     asked = len(desk.jobs)
     desk.order(EXIT).run_until("ready", 2.0)
@@ -228,7 +228,7 @@ def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew():
     assert desk.answered[-1][1].escape_m
 
 
-def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg():
+def test_an_order_that_is_denied_while_overridden_keeps_the_leg():
     desk = taken_over(0.0, 0.0, 0.0)
     asked = len(desk.jobs)
     desk.plan_delay_s = None
@@ -253,7 +253,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg():
     assert len(desk.jobs) == asked + 1
 
 
-def test_under_engage_a_pilot_who_orders_the_rest_of_the_leg_is_told_to_give_the_mode():
+def test_under_engage_an_order_for_the_rest_of_the_leg_waits_for_the_pilot_to_give_the_mode():
     desk = on_its_leg(authority=Authority.ENGAGE)
     desk.say_heartbeat(AUTO_HOLD).run(3.0)
     assert desk.state == "overridden"

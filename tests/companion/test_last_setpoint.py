@@ -1,6 +1,6 @@
-"""Every orderly end of the stream: the last setpoint stands where the one before was.
+"""Every orderly end of the stream: the last setpoint is at the previous one, at rest.
 
-What is not, because the autopilot has left us, or because nothing may be sent, ends at once.
+Other ends, when the autopilot has taken control or no packet is permitted, are immediate.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .desk import AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 LAND = 0x06040000
 LONG_S = {"mode_unconfirmed": 3.5}
-"""Longer than any of these takes; all others at most 2.2 s."""
+"""Longer than each of these ends takes; the others take at most 2.2 s."""
 
 
 def second_autopilot(desk):
@@ -35,7 +35,7 @@ def released(desk):
 
 
 def shut_down(desk):
-    """Then no cycle follows."""
+    """Shutdown: no cycle follows."""
     desk.companion.shut_down(desk.now_s)
     desk.take_what_is_sent()
     desk.step = lambda *_: desk
@@ -51,7 +51,7 @@ def muted(message):
 ORDERLY = {
     "a release that is ordered": released,
     "the service is told to end": shut_down,
-    # The supervisor's, by their names.
+    # Conditions of the supervisor, by their names.
     "autopilot_identity": second_autopilot,
     "mode_unconfirmed": muted("HEARTBEAT"),
     "position": muted("LOCAL_POSITION_NED"),
@@ -81,7 +81,7 @@ def place(setpoint):
 
 
 def silent(desk, way=None):
-    """The setpoints until nothing is streamed any more, for good."""
+    """The setpoints until the stream has ended for good."""
     desk.run(LONG_S.get(way, 2.2))
     count = len(desk.setpoints())
     desk.run(0.5)
@@ -95,7 +95,7 @@ def ends_at_rest(desk, way):
     assert math.dist(place(last), place(before)) < 1e-6
 
 
-def test_every_way_in_which_the_supervisor_releases_is_here():
+def test_every_release_of_the_supervisor_is_listed_here():
     rows = {row.name: row.last_setpoint for row in CONDITIONS if row.action is Action.RELEASE}
     assert rows.keys() <= {*ORDERLY, *AT_ONCE, *ELSEWHERE}
     assert {name for name in ORDERLY if name in rows and not rows[name]} == set()
@@ -118,7 +118,7 @@ def test_whenever_a_flight_ends_in_order_its_last_setpoint_stands(way, kind, mis
 
 @pytest.mark.parametrize("way", ORDERLY)
 @pytest.mark.parametrize("state", sorted(STREAMING - {MissionState.FLYING}))
-def test_in_every_other_state_too(state, way):
+def test_a_flight_that_ends_in_order_in_another_state_has_a_last_setpoint_at_rest(state, way):
     if state is MissionState.HOLDING:
         desk = Desk().come_to("flying", then_s=3.0).pause().run(0.1)
     else:
@@ -130,20 +130,20 @@ def test_in_every_other_state_too(state, way):
 
 
 @pytest.mark.parametrize("way", AT_ONCE)
-def test_what_is_not_orderly_ends_without_another_setpoint(way):
+def test_a_flight_that_does_not_end_in_order_sends_no_further_setpoint(way):
     desk = Desk().come_to("flying", then_s=3.0).run_to_heartbeat()
     assert speed_mps(desk.setpoints()[-1]) > 0.0
     before = len(desk.setpoints())
     AT_ONCE[way](desk)
-    # By messages that come a few times a second; by a clock that has run on for 0.3 s.
-    told_late = {"ground": 10, "autopilot_reboot": 17}
-    assert len(silent(desk)) <= before + told_late.get(way, 0)
+    # Reported late: by messages that come a few times a second; by a clock 0.3 s ahead.
+    late_cycles = {"ground": 10, "autopilot_reboot": 17}
+    assert len(silent(desk)) <= before + late_cycles.get(way, 0)
     assert desk.state in {"released", "overridden", "idle"}
 
 
 @pytest.mark.parametrize("jump_ned_m", [(0.0, 8.0, 0.0), (5.0, 0.0, 0.0), (0.0, 0.0, 8.0)])
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT])
-def test_where_no_setpoint_may_be_any_more_the_last_one_stands_where_the_aircraft_is(
+def test_where_setpoints_are_no_longer_permitted_the_last_one_is_at_the_aircraft(
     mission, jump_ned_m
 ):
     desk = Desk().come_to("flying", mission, then_s=2.0).run_to_position()
@@ -159,7 +159,7 @@ def test_where_no_setpoint_may_be_any_more_the_last_one_stands_where_the_aircraf
     assert math.dist(carried, tuple(map(sum, zip(place, jump_ned_m, strict=True)))) < 0.1
 
 
-# What ends an offer ------------------------------------------------------------------------------
+# Ends of an offer -------------------------------------------------------------------------------
 
 
 OFFERS = {
@@ -169,14 +169,14 @@ OFFERS = {
 
 
 @pytest.mark.parametrize("way", OFFERS)
-def test_an_offer_that_ends_has_stood_all_the_time(way):
+def test_an_offer_that_ends_has_sent_only_setpoints_at_rest(way):
     desk = Desk().come_to("ready", then_s=1.0)
     OFFERS[way](desk)
     assert {speed_mps(setpoint) for setpoint in silent(desk)} == {0.0}
     assert desk.state == "idle"
 
 
-def test_a_landing_that_the_autopilot_takes_over_follows_a_setpoint_at_rest():
+def test_a_landing_by_the_autopilot_follows_a_setpoint_at_rest():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=3.0)
     assert [request.param3 for request in desk.mode_requests()][-1] == 6
     desk.say_heartbeat(LAND)

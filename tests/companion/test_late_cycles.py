@@ -1,4 +1,4 @@
-"""Cycles that the shell comes too late with: what moves the aircraft is left out of them."""
+"""Late cycles of the shell: packets that command motion are dropped."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from .desk import (
 
 
 def come_late(desk):
-    """From now on every cycle takes too long."""
+    """Makes every cycle from now on too long."""
     desk.companion.data_to_send = partial(desk.companion.data_to_send, control=False)
 
 
-def test_no_setpoint_is_sent_but_people_are_answered():
+def test_a_late_cycle_sends_no_setpoint_but_answers_operators():
     desk = Desk().come_to("flying", then_s=1.0)
     come_late(desk)
     sent = len(desk.setpoints())
@@ -38,7 +38,7 @@ def test_no_setpoint_is_sent_but_people_are_answered():
     assert desk.said("MOAR: holding inspection")
 
 
-def test_one_late_cycle_is_made_up_for_by_the_next():
+def test_the_next_cycle_makes_up_for_one_late_cycle():
     desk = Desk().come_to("flying", then_s=1.0)
     sent = len(desk.setpoints())
     in_time = desk.companion.data_to_send
@@ -50,14 +50,14 @@ def test_one_late_cycle_is_made_up_for_by_the_next():
     assert desk.state == "flying"
 
 
-def test_when_every_cycle_is_late_control_is_let_go():
+def test_when_every_cycle_is_late_control_is_released():
     desk = Desk().come_to("flying", then_s=1.0)
     come_late(desk)
     desk.run_until("released", 1.0)
     assert desk.said("MOAR: control loop stalled 0.5 s")
 
 
-def test_a_shell_takes_control_before_the_rest():
+def test_the_shell_takes_control_packets_before_the_others():
     desk = Desk().come_to("flying", then_s=1.0)
     desk.companion.tick(desk.now_s + STEP_S)
     ((_, setpoint),) = desk.companion.control_to_send()
@@ -66,7 +66,7 @@ def test_a_shell_takes_control_before_the_rest():
     assert all(data[7:10] != setpoint[7:10] for _, data in desk.companion.data_to_send())
 
 
-def test_no_mode_is_asked_for():
+def test_a_late_cycle_requests_no_mode():
     desk = Desk(authority=Authority.ENGAGE)
     desk.mode = AUTO_HOLD
     desk.run(1.2).order(INSPECTION).run_until("ready").run(1.2 - 2 * STEP_S)
@@ -74,7 +74,7 @@ def test_no_mode_is_asked_for():
     assert desk.run(0.3).mode_requests() == []
 
 
-def test_a_landing_that_is_asked_for_too_late_is_asked_for_again_once():
+def test_a_landing_requested_in_a_late_cycle_is_requested_again_once():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
     desk.companion._executor.mode_requester.forget_landing()
     desk.run(4.0).run_to_heartbeat()
@@ -88,11 +88,11 @@ def test_a_landing_that_is_asked_for_too_late_is_asked_for_again_once():
     assert (request.param2, request.param3) == (4, 6)  # PX4's AUTO.LAND
 
 
-# The last word ----------------------------------------------------------------------------------
+# The last setpoint ------------------------------------------------------------------------------
 
 
 def released_late(cycles):
-    """A flight that is released, in the first of so many cycles that come too late."""
+    """A flight that is released in the first of `cycles` late cycles."""
     desk = Desk().come_to("flying", then_s=4.0).run_to_position()
     before = desk.setpoints()[-1]
     assert any((before.vx, before.vy, before.vz))
@@ -105,7 +105,7 @@ def released_late(cycles):
 
 
 @pytest.mark.parametrize("cycles", [1, 5])
-def test_a_last_setpoint_that_comes_too_late_is_sent_by_the_next_cycle(cycles):
+def test_a_last_setpoint_of_a_late_cycle_is_sent_by_the_next_cycle(cycles):
     desk = released_late(cycles)
     count = len(desk.setpoints())
     *_, before, last = desk.run(1.0).setpoints()
@@ -114,7 +114,7 @@ def test_a_last_setpoint_that_comes_too_late_is_sent_by_the_next_cycle(cycles):
     assert math.dist((last.x, last.y, last.z), (before.x, before.y, before.z)) < 1e-6
 
 
-def test_a_last_setpoint_that_came_later_is_no_part_of_what_is_streamed_next():
+def test_a_last_setpoint_of_a_later_cycle_is_not_part_of_the_next_stream():
     desk = released_late(1).step()
     assert desk.companion._executor.setpoints._last is None
 
@@ -133,14 +133,14 @@ AFTER_ALL = {
 
 
 @pytest.mark.parametrize("case", AFTER_ALL)
-def test_it_is_said_no_more_when(case):
+def test_a_late_last_setpoint_is_not_repeated_after_a_change(case):
     desk = released_late(1)
     count = len(desk.setpoints())
     AFTER_ALL[case](desk)
     assert len(desk.run(1.0).setpoints()) == count
 
 
-def test_after_a_jump_it_is_said_where_the_aircraft_is_now():
+def test_after_a_jump_the_late_last_setpoint_moves_with_the_jump():
     desk = released_late(2)
     before = desk.setpoints()[-1]
     desk.jump(0.0, 0.0, -2.0)

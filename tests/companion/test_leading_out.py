@@ -1,4 +1,4 @@
-"""Led out by the supervisor: the way that it wants, the next best where there is none, no waiting.
+"""Escape routes of the supervisor: the preferred one, else the next one, without waiting.
 
 Rows of poles close the workspace, or a part of it; keep-outs allow for 0.9 m of uncertainty.
 """
@@ -21,7 +21,7 @@ RESERVE = {"battery_percent": 15}
 
 
 def fenced(x_m, heights_m, evacuation_m=None):
-    """The usual site with a row of poles; evacuation_m: its only such landing point."""
+    """The usual site with a row of poles; evacuation_m: its only evacuation landing point."""
     usual = usual_planner()
     poles = (
         Conductor(name=f"pole {z_m}", position_m=(x_m, z_m), radius_m=0.0175, keep_out_m=0.9)
@@ -49,7 +49,7 @@ def without_evacuation():
 
 @functools.cache
 def gapped():
-    """A fence before the exit, whose gaps close when obstacles grow."""
+    """A row of poles before the exit, whose gaps close when obstacles grow."""
     return fenced(24.0, range(1, 22, 4))
 
 
@@ -62,14 +62,14 @@ def flown(desk):
 
 
 def moving(desk, seconds):
-    """True if any of its setpoints moves meanwhile."""
+    """True if any setpoint in this time moves."""
     began = desk.now_s
     desk.run(seconds)
     return any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began))
 
 
 @pytest.mark.parametrize("planner", [cut_off, without_evacuation])
-def test_an_inspection_without_an_evacuation_leaves_by_the_exit(planner):
+def test_an_inspection_without_an_evacuation_ends_with_the_exit(planner):
     desk = desk_on_site(planner(), east_m=-9.0).come_to("flying", INSPECTION, then_s=3.0)
     desk.set(**CRITICAL).run(4.0)
     assert flown(desk) is Mission.EXIT
@@ -77,7 +77,7 @@ def test_an_inspection_without_an_evacuation_leaves_by_the_exit(planner):
     assert moving(desk, 1.0)
 
 
-def test_the_next_escape_route_is_sought_in_the_cycle_that_takes_a_failed_search():
+def test_the_next_escape_route_is_searched_in_the_cycle_of_a_failed_search():
     desk = Desk(wind_mps=2.0).set(accuracy_m=0.3).come_to("flying", INSPECTION, then_s=3.0)
     desk.set(**CRITICAL, plan_delay_s=None).run_until_sought("evacuation")
     desk.answer_plan(plan=None, reason="no free way leads there").step()
@@ -85,7 +85,7 @@ def test_the_next_escape_route_is_sought_in_the_cycle_that_takes_a_failed_search
 
 
 @pytest.mark.parametrize("held", ["by wind", "by an operator"])
-def test_an_exit_that_is_held_goes_on_without_an_evacuation(held):
+def test_a_held_exit_resumes_when_there_is_no_evacuation(held):
     desk = desk_on_site(cut_off(), east_m=-9.0).come_to("flying", EXIT, then_s=2.0)
     desk = desk.set(wind_mps=18.0) if held == "by wind" else desk.pause()
     desk.run_until("holding").run(2.0)
@@ -95,8 +95,8 @@ def test_an_exit_that_is_held_goes_on_without_an_evacuation(held):
 
 
 @pytest.mark.parametrize("plan_delay_s", [0.04, None])
-def test_an_exit_that_is_held_on_its_landing_leg_goes_on_along_it(plan_delay_s):
-    """Out there no evacuation is planned, and the leg needs no planner, even after its failure."""
+def test_an_exit_that_is_held_on_its_landing_leg_resumes_along_the_leg(plan_delay_s):
+    """Outside no evacuation is planned; the leg needs no planner, even after a failure."""
     desk = Desk(height_m=5.0, east_m=2.0, wind_mps=2.0).set(accuracy_m=0.3)
     desk.come_to("landing_leg", EXIT, then_s=2.0).set(plan_delay_s=plan_delay_s)
     desk.set(wind_mps=18.0).run_until("holding").run(1.0)
@@ -104,7 +104,7 @@ def test_an_exit_that_is_held_on_its_landing_leg_goes_on_along_it(plan_delay_s):
     assert (desk.state, moving(desk, 1.0)) == ("landing_leg", True)
 
 
-def test_an_exit_that_finds_no_room_gives_way_to_an_evacuation():
+def test_an_exit_without_room_is_replaced_by_an_evacuation():
     desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT, then_s=3.0)
     desk.set(**RESERVE).run(4.5)
     assert flown(desk) is Mission.EXIT
@@ -114,7 +114,7 @@ def test_an_exit_that_finds_no_room_gives_way_to_an_evacuation():
     assert desk.companion.status.task.flown
 
 
-def test_a_landing_point_without_room_to_it_gives_way_to_another_one():
+def test_a_landing_point_without_room_is_replaced_by_another_one():
     desk = desk_on_site(gapped(), east_m=-15.0).come_to("ready")
     desk.order(EVACUATION, 1.0).run(0.5).say_heartbeat(desk.ours).run(3.0)
     assert desk.companion.status.task.landing == 1
@@ -123,7 +123,7 @@ def test_a_landing_point_without_room_to_it_gives_way_to_another_one():
     assert moving(desk, 1.0)
 
 
-def test_what_an_operator_has_chosen_waits_for_room_where_nothing_leads_it_out():
+def test_an_ordered_exit_holds_until_there_is_room_for_it():
     desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT, then_s=3.0)
     desk.set(accuracy_m=1.7).run(15.0)
     assert (desk.state, flown(desk)) == ("holding", Mission.EXIT)
@@ -131,7 +131,7 @@ def test_what_an_operator_has_chosen_waits_for_room_where_nothing_leads_it_out()
     assert flown(desk) is Mission.EXIT
 
 
-def test_a_dead_planner_stops_no_exit():
+def test_a_failed_planner_does_not_stop_an_exit():
     desk = Desk(height_m=5.0, east_m=-12.0).set(accuracy_m=0.3).come_to("flying", EXIT)
     desk.plan_delay_s = None
     desk._answers.clear()

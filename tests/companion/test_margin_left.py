@@ -1,7 +1,7 @@
 """Escape routes that the margin blocks, and orders within the margin.
 
-A wall stands between the aircraft and the exit, with a window in it: 0.35 m of an X500 and PX4's
-margin, 1.4 m for the position and 1.15 m for tracking, need 5.8 m and the rounding to cells.
+A wall with a window stands between the aircraft and the exit. The window needs 5.8 m and the
+rounding to cells: 0.35 m of an X500 and PX4's margin, 1.4 m for the position, 1.15 m for tracking.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ START_M = (4.0, 5.0)
 
 
 def walls(gap_m):
-    """Two, with a window between them."""
+    """Two walls with a window between them."""
     below, above = MIDDLE_M - 0.5 * gap_m, MIDDLE_M + 0.5 * gap_m
     return tuple(
         Polygon(name=name, vertices_m=((14.0, low), (15.0, low), (15.0, high), (14.0, high)))
@@ -75,7 +75,7 @@ def clearance_m(plan):
 
 
 @pytest.mark.parametrize(("gap_m", "narrowed_m"), [(6.6, 0.0), (5.6, 0.575), (4.2, 1.15)])
-def test_an_escape_route_that_the_margin_closes_is_planned_with_the_most_of_it_that_leaves_one(
+def test_an_escape_route_that_the_margin_blocks_is_planned_with_the_largest_margin_that_fits(
     gap_m, narrowed_m
 ):
     found = answer(gap_m, Mission.EXIT)
@@ -84,20 +84,20 @@ def test_an_escape_route_that_the_margin_closes_is_planned_with_the_most_of_it_t
     assert clearance_m(found.plan) >= 2.55 - narrowed_m - 1e-6
 
 
-def test_the_position_error_is_kept_at_least():
+def test_an_escape_route_keeps_at_least_the_position_error():
     refused = answer(3.0, Mission.EXIT)
     assert refused.plan is None
     assert refused.reason.startswith("no free path")
 
 
-def test_less_known_of_the_position_counts_in_full():
-    """By 0.6 m worse than the margin has it."""
+def test_a_larger_position_error_counts_in_full():
+    """Position error 0.6 m greater than that of the margin."""
     assert answer(4.2, Mission.EXIT, 0.6).plan is None
     found = answer(5.6, Mission.EXIT, 0.6)
     assert clearance_m(found.plan) >= 1.4 + 0.6 - 1e-6
 
 
-def test_an_inspection_is_flown_with_all_of_the_margin_or_not():
+def test_an_inspection_without_room_for_the_full_margin_has_no_path():
     refused = answer(5.6, Mission.INSPECTION)
     assert refused.plan is None
     assert refused.reason == "no path with margin 2.55 m"
@@ -115,8 +115,10 @@ CEILING = PlaneFence(bounds=(Bound(name="GF_MAX_VER_DIST 13 m", z_m=(-5.0, 13.0)
         (0.5, 0.0, "beyond past GF_MAX_VER_DIST 13 m", False),
     ],
 )
-def test_a_fence_is_named_only_where_no_width_takes_the_room(gap_m, widening_m, reason, too_wide):
-    """Without the fence there is always a way, over the walls."""
+def test_a_fence_is_named_as_reason_only_where_no_narrower_margin_opens_a_path(
+    gap_m, widening_m, reason, too_wide
+):
+    """Without the fence there is always a path, over the walls."""
     site = behind_a_window(gap_m)
     obstacles = tuple(
         replace(wall, vertices_m=tuple((x, min(z, 13.5)) for x, z in wall.vertices_m))
@@ -136,7 +138,7 @@ def at_the_window(gap_m, **options):
     return Desk(planner=planner(gap_m), height_m=5.0, supervision=Supervision(), **options)
 
 
-def test_the_clearance_that_is_left_is_told_and_the_gate_lets_it_pass():
+def test_the_remaining_clearance_is_reported_and_the_gate_accepts_the_flight():
     desk = at_the_window(4.2).come_to("landing_leg", EXIT)
     assert any(text.startswith("MOAR: 1.7 m to ") for text in desk.texts()), desk.texts()
     assert desk.said(" wall < 2.55, exiting")
@@ -154,7 +156,7 @@ def beside_a_wall():
     return Planner(flown_site(site, VEHICLE, Supervision()), VEHICLE)
 
 
-def test_a_setpoint_that_a_small_jump_puts_into_the_margin_waits_and_goes_on_by_itself():
+def test_a_setpoint_that_a_small_jump_moves_into_the_margin_holds_and_resumes():
     desk = Desk(planner=beside_a_wall()).come_to("at_target")
     desk.jump(0.0, -0.7, 0.0)  # towards the wall
     desk.run_until("holding", 2.0)
@@ -170,10 +172,8 @@ def test_a_setpoint_that_a_small_jump_puts_into_the_margin_waits_and_goes_on_by_
         (autopilots.ARDUPILOT, mavlink.MAV_AUTOPILOT_PX4, "autopilot px4, file ardupilot"),
     ],
 )
-def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(
-    file, received, words
-):
-    """Its margin is not the one that is kept."""
+def test_an_autopilot_other_than_the_vehicle_files_is_reported_and_not_flown(file, received, words):
+    """The margin of this autopilot differs from the planned one."""
     usual = usual_planner()
     other = Planner(usual.site, replace(usual.vehicle, autopilot=file))
     desk = Desk(planner=other, autopilot=received).run(1.2).order(EXIT).run(1.0)
@@ -183,7 +183,7 @@ def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(
 
 
 def in_a_gust():
-    """On its way to a target, 1 m off the setpoint: plans of the inspection are wider."""
+    """Flying to a target, 1 m off the setpoint: plans of the inspection keep more distance."""
     usual = usual_planner()
     guidance = replace(usual.vehicle.guidance, tracking_margin_m=0.2)
     desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, guidance=guidance)))
@@ -193,13 +193,13 @@ def in_a_gust():
     return desk
 
 
-def test_in_a_gust_an_exit_that_is_ordered_is_planned_by_what_lasts():
+def test_in_a_gust_an_ordered_exit_is_planned_without_the_momentary_tracking_error():
     desk = in_a_gust()
     desk.order(EXIT).run_until_sought("exit", 1.0)
     assert desk.jobs[-1].widening_m == 0.0
 
 
-def test_in_a_gust_contingencies_are_measured_by_what_lasts():
+def test_in_a_gust_contingencies_are_planned_without_the_momentary_tracking_error():
     desk = in_a_gust()
     begun = len(desk.contingency_jobs)
     desk.run(3.0)

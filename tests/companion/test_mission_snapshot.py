@@ -1,4 +1,4 @@
-"""The mission snapshot: its file's bytes, the part that can still be flown, its text."""
+"""The mission snapshot: bytes of the file, the part that can still be flown, the text."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def memory(state=MissionState.FLYING, task=INSPECTION, **changes):
 
 @pytest.mark.parametrize("state", MissionState)
 @pytest.mark.parametrize("task", [None, INSPECTION, EXIT])
-def test_it_is_read_as_it_was_written(state, task):
+def test_a_snapshot_is_read_as_it_was_written(state, task):
     assert decoded(encoded(memory(state, task), 0.0), 0.0) == memory(state, task)
 
 
-def test_its_time_is_kept_by_the_wall_clock_whatever_clock_the_next_process_has():
+def test_the_time_of_a_snapshot_is_wall_clock_time_whatever_clock_the_next_process_has():
     written = encoded(memory(since_s=100.0), clock_offset_s=1_000.0)
     assert decoded(written, clock_offset_s=1_050.0).since_s == 50.0
 
@@ -51,7 +51,7 @@ WHOLE = encoded(memory(), 0.0)
         b"[" * 100_000,
     ],
 )
-def test_what_is_not_whole_or_not_ours_is_no_memory(data):
+def test_an_incomplete_or_foreign_file_is_no_snapshot(data):
     with pytest.raises(ValueError):  # noqa: PT011 - whatever is wrong with it
         decoded(data, 0.0)
 
@@ -80,12 +80,12 @@ def test_what_is_not_whole_or_not_ours_is_no_memory(data):
         ),
     ],
 )
-def test_what_was_streamed_and_still_fits_the_site_can_be_continued(case, remembered, rest):
+def test_a_streamed_mission_that_still_fits_the_site_can_be_continued(case, remembered, rest):
     assert remembered.rest(SITE) == rest
     assert remembered.rest(None) is None
 
 
-def test_it_is_told_in_words():
+def test_a_snapshot_has_a_text_for_operators():
     assert memory().words(112.4) == f"flying inspection (to {TARGETS[0]}, begun 12 s ago)"
     assert memory(task=EXIT).words(100.0) == "flying exit (begun 0 s ago)"
     assert memory().words(99.0) == f"flying inspection (to {TARGETS[0]})"

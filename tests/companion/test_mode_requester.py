@@ -1,4 +1,4 @@
-"""Under `engage` the companion may ask for its mode and for the landing: when, and how often."""
+"""Requests of the companion's mode and of the landing under `engage`: times and repeats."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ from .desk import (
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 TAKEOFF, LANDING = 0x02040000, 0x06040000
 LONG_S = 3.5
-"""Longer than an order or an arrival takes to ask for a mode."""
+"""Longer than the time from an order or an arrival to the mode request."""
 
 
 @pytest.mark.parametrize("authority", [Authority.STREAM, Authority.ENGAGE])
-def test_only_engage_asks_for_the_mode_once_the_stream_has_run_and_never_twice(authority):
+def test_only_engage_requests_the_mode_after_the_stream_has_run_and_only_once(authority):
     desk = Desk(authority=authority).come_to("ready")
     assert not desk.mode_requests()
     desk.run(1.0)
@@ -59,15 +59,15 @@ def test_only_engage_asks_for_the_mode_once_the_stream_has_run_and_never_twice(a
         assert [(m.target_system, m.target_component, m.param2) for m in requests] == [(1, 1, 6)]
 
 
-def test_a_pilot_who_changes_the_mode_after_the_order_keeps_it():
+def test_a_pilot_who_changes_the_mode_after_the_order_keeps_control():
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.say_heartbeat(POSCTL).run(LONG_S)
     assert not desk.mode_requests()
-    desk.say_heartbeat(AUTO_HOLD).run(LONG_S)  # nor is it asked for later
+    desk.say_heartbeat(AUTO_HOLD).run(LONG_S)  # no later request
     assert not desk.mode_requests()
 
 
-def test_no_mode_is_taken_from_a_pilot_who_has_overridden():
+def test_no_mode_is_requested_from_a_pilot_who_has_overridden():
     desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=0.5)
     desk.say_heartbeat(POSCTL).run(2.0)
     asked = desk.now_s
@@ -77,7 +77,7 @@ def test_no_mode_is_taken_from_a_pilot_who_has_overridden():
 
 
 @pytest.mark.parametrize("later_s", [0.02, 0.5])
-def test_nor_by_a_second_order_while_he_still_flies(later_s):
+def test_a_second_order_while_the_pilot_still_flies_requests_no_mode(later_s):
     desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=0.5)
     desk.say_heartbeat(POSCTL).run(2.0)
     asked = desk.now_s
@@ -90,9 +90,7 @@ def test_nor_by_a_second_order_while_he_still_flies(later_s):
     ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
 )
 @pytest.mark.parametrize("steps", [0, 1, 30])
-def test_an_order_that_crosses_the_pilots_taking_over_takes_no_mode_from_him(
-    autopilot, pilots, steps
-):
+def test_an_order_that_crosses_a_pilots_takeover_requests_no_mode(autopilot, pilots, steps):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
     desk.run_to_heartbeat()
     asked = desk.now_s
@@ -104,7 +102,7 @@ def test_an_order_that_crosses_the_pilots_taking_over_takes_no_mode_from_him(
     assert not desk.mode_requests(asked)
 
 
-def test_a_mission_ordered_while_overridden_takes_no_mode():
+def test_a_mission_ordered_while_overridden_requests_no_mode():
     desk = Desk(authority=Authority.ENGAGE).come_to("idle").run_to_heartbeat()
     status, session = MissionStatus(state=MissionState.READY), mock.Mock()
     telemetry = desk.companion.telemetry
@@ -116,7 +114,7 @@ def test_a_mission_ordered_while_overridden_takes_no_mode():
         assert session.request_own_mode.call_count == asked
 
 
-def test_no_mode_is_asked_for_in_a_failsafe():
+def test_no_mode_is_requested_in_a_failsafe():
     desk = Desk(authority=Authority.ENGAGE).run(1.2)
     desk.say_heartbeat(AUTO_HOLD, CRITICAL).run(1.0)
     desk.order(EXIT).run(LONG_S)
@@ -128,10 +126,10 @@ def test_no_mode_is_asked_for_in_a_failsafe():
     ("autopilot", "mode"), [(PX4, 0x05040000), (PX4, LANDING), (ARDUPILOT, RTL), (ARDUPILOT, BRAKE)]
 )
 @pytest.mark.parametrize("status", [CRITICAL, ACTIVE])
-def test_no_return_or_landing_is_ended_whatever_the_autopilot_says_of_its_reason(
+def test_no_return_or_landing_is_ended_whatever_reason_the_autopilot_reports(
     autopilot, mode, status
 ):
-    """ArduPilot's fence acts with status ACTIVE, and a failsafe that is over still lands."""
+    """ArduPilot's fence acts with status ACTIVE; a failsafe that has cleared still lands."""
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).run(1.2)
     desk.say_heartbeat(mode, CRITICAL).run(2.0)
     desk.say_heartbeat(mode, status).run(1.0)
@@ -140,7 +138,7 @@ def test_no_return_or_landing_is_ended_whatever_the_autopilot_says_of_its_reason
     assert not desk.mode_requests()
 
 
-def test_ardupilots_guided_is_asked_for_once():
+def test_ardupilots_guided_is_requested_once():
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("ready", then_s=6.0)
     requests = [
         (m.target_system, m.target_component, m.param1, m.param2, m.param3)
@@ -149,7 +147,7 @@ def test_ardupilots_guided_is_asked_for_once():
     assert requests == [(1, 1, 1, 4, 0)]
 
 
-def test_ardupilots_landing_is_asked_for_above_the_landing_point():
+def test_ardupilots_landing_is_requested_above_the_landing_point():
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to(
         "holding", EXIT, then_s=2.0
     )
@@ -157,7 +155,7 @@ def test_ardupilots_landing_is_asked_for_above_the_landing_point():
 
 
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
-def test_a_mode_that_nothing_answers_is_asked_for_twice_more_and_then_left_to_people(autopilot):
+def test_an_unanswered_mode_request_is_repeated_twice_and_then_left_to_the_pilot(autopilot):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE)
     desk.mute = {"COMMAND_ACK"}
     desk.come_to("ready", then_s=8.0)
@@ -168,7 +166,7 @@ def test_a_mode_that_nothing_answers_is_asked_for_twice_more_and_then_left_to_pe
 
 
 @pytest.mark.parametrize("status", [ACTIVE, CRITICAL])
-def test_nor_is_it_asked_for_again_once_another_mode_or_a_failsafe_was_told(status):
+def test_a_mode_request_is_not_repeated_after_another_mode_or_a_failsafe(status):
     desk = Desk(authority=Authority.ENGAGE)
     desk.mute = {"COMMAND_ACK"}
     desk.come_to("ready")
@@ -179,7 +177,7 @@ def test_nor_is_it_asked_for_again_once_another_mode_or_a_failsafe_was_told(stat
     assert len(desk.mode_requests()) == 1
 
 
-def test_a_mode_that_is_refused_is_told():
+def test_a_refused_mode_is_reported():
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     assert len(desk.mode_requests()) == 1
     refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
@@ -189,8 +187,8 @@ def test_a_mode_that_is_refused_is_told():
     assert len(desk.mode_requests()) == 1
 
 
-def test_a_mode_refused_over_and_over_is_told_once():
-    """PX4 answers a mode it will not give more than once."""
+def test_a_mode_that_is_refused_repeatedly_is_reported_once():
+    """PX4 sends more than one answer for a refused mode."""
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     for _ in range(3):
         refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
@@ -200,7 +198,7 @@ def test_a_mode_refused_over_and_over_is_told_once():
 
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
 @pytest.mark.parametrize("hold", ["in the instant of the arrival", "before the next heartbeat"])
-def test_after_a_hold_that_is_ordered_no_landing_is_asked_for(autopilot, hold):
+def test_after_an_ordered_hold_no_landing_is_requested(autopilot, hold):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("holding", EXIT)
     arrived = desk.now_s
     if hold == "in the instant of the arrival":
@@ -213,7 +211,7 @@ def test_after_a_hold_that_is_ordered_no_landing_is_asked_for(autopilot, hold):
     assert not desk.mode_requests()
 
 
-def test_a_mission_that_is_ordered_above_the_landing_point_is_not_ended_by_the_landing():
+def test_a_mission_ordered_above_the_landing_point_is_not_ended_by_the_landing():
     usual = usual_planner()
     inside = dict.fromkeys((Mission.EXIT, Mission.EVACUATION), ((27.0, 2.5),))
     planner = Planner(replace(usual.site, landing_m=inside), usual.vehicle)
@@ -225,7 +223,7 @@ def test_a_mission_that_is_ordered_above_the_landing_point_is_not_ended_by_the_l
     assert not desk.mode_requests()
 
 
-def test_one_that_comes_to_nothing_leaves_the_landing_on():
+def test_a_mission_that_is_denied_above_the_landing_point_leaves_the_landing_request_on():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
     desk.plan_delay_s = 2.5
     desk.set_parameters(COM_OBL_RC_ACT=7.0).order(INSPECTION).run(2.4)
@@ -236,7 +234,9 @@ def test_one_that_comes_to_nothing_leaves_the_landing_on():
 
 
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
-def test_a_landing_that_does_not_begin_is_asked_for_twice_more_and_then_left_to_people(autopilot):
+def test_a_landing_that_does_not_begin_is_requested_twice_more_and_then_left_to_the_pilot(
+    autopilot,
+):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("holding", EXIT)
     for requests, seconds in ((1, 1.5), (1, 1.5), (2, 2.0), (3, 3.0)):
         desk.run(seconds)
@@ -244,11 +244,11 @@ def test_a_landing_that_does_not_begin_is_asked_for_twice_more_and_then_left_to_
     assert not desk.said("the landing has not begun")
     desk.run(6.0)
     assert len(desk.mode_requests()) == 3
-    told = [text for text in desk.texts() if "landing has" in text]
-    assert told == ["MOAR: the landing has not begun, choose LAND"]
+    reported = [text for text in desk.texts() if "landing has" in text]
+    assert reported == ["MOAR: the landing has not begun, choose LAND"]
 
 
-def test_a_hold_that_is_ordered_between_two_requests_ends_them():
+def test_a_hold_ordered_between_two_landing_requests_ends_the_requests():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     assert len(desk.mode_requests()) == 1
     desk.order(HOLD).run(6.0)
@@ -256,7 +256,7 @@ def test_a_hold_that_is_ordered_between_two_requests_ends_them():
     assert not desk.said("the landing has not begun")
 
 
-def test_a_landing_that_has_begun_is_no_pilots():
+def test_a_landing_that_the_companion_requested_is_no_takeover():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     assert [(m.param2, m.param3) for m in desk.mode_requests()] == [(4, 6)]
     desk.say_heartbeat(LANDING).run(1.0)
@@ -265,13 +265,13 @@ def test_a_landing_that_has_begun_is_no_pilots():
 
 
 @pytest.mark.parametrize("after_s", [4.0, 60.0])
-def test_a_landing_that_is_chosen_after_a_lost_one_was_ended_is_a_pilots(after_s):
+def test_a_landing_after_a_lost_request_and_a_hold_is_a_takeover(after_s):
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0).order(HOLD)
     desk.run(after_s).say_heartbeat(LANDING).run(1.0)
     assert desk.state == "overridden"
 
 
-def test_a_pilot_who_ends_our_landing_keeps_the_aircraft():
+def test_a_pilot_who_ends_the_requested_landing_keeps_control():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     desk.say_heartbeat(LANDING).run(1.0)
     desk.say_heartbeat(POSCTL).run(1.0)
@@ -280,7 +280,7 @@ def test_a_pilot_who_ends_our_landing_keeps_the_aircraft():
     assert len(desk.mode_requests()) == requests
 
 
-def test_no_landing_is_asked_for_beside_the_landing_point():
+def test_no_landing_is_requested_beside_the_landing_point():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=1.1)
     assert len(desk.mode_requests()) == 1
     desk.fall_behind(1.8, 0.0, 0.0, seconds=1.0).run(5.0)
@@ -297,7 +297,7 @@ def test_without_engage_the_pilot_lands():
 
 
 @pytest.mark.parametrize("held_by", ["pause", "order"])
-def test_a_hold_while_ready_asks_for_no_mode(held_by):
+def test_a_hold_while_ready_requests_no_mode(held_by):
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     if held_by == "pause":
         desk.pause()
@@ -308,8 +308,8 @@ def test_a_hold_while_ready_asks_for_no_mode(held_by):
     assert not desk.mode_requests()
 
 
-def test_an_order_that_was_rejected_takes_no_mode():
-    """The pilot takes over, and somebody orders again while nothing may be begun."""
+def test_a_rejected_order_requests_no_mode():
+    """The pilot takes over; an operator orders again while no mission can start."""
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.landed_state = 0
     desk.run(0.3).say_heartbeat(POSCTL).order(EXIT).run(LONG_S)
@@ -317,7 +317,7 @@ def test_an_order_that_was_rejected_takes_no_mode():
     assert not desk.mode_requests()
 
 
-def test_the_hold_after_a_take_off_is_no_pilots_mode():
+def test_the_hold_after_a_take_off_is_no_takeover():
     desk = Desk(authority=Authority.ENGAGE)
     desk.mode = TAKEOFF
     desk.come_to("ready").say_heartbeat(AUTO_HOLD).run(LONG_S)
@@ -325,10 +325,12 @@ def test_the_hold_after_a_take_off_is_no_pilots_mode():
 
 
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
-def test_a_mode_is_asked_for_only_when_it_has_just_been_told(autopilot):
-    """PX4 tells its mode once a second: the pilot may have chosen a return meanwhile."""
+def test_a_mode_is_requested_only_just_after_a_mode_report(autopilot):
+    """PX4 reports its mode once a second: the pilot may have chosen a return meanwhile."""
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready").run_to_heartbeat()
-    desk.run(0.9)  # the mode may be asked for from now on, but was told almost a second ago
+    desk.run(
+        0.9
+    )  # a request is permitted from now on, but the last mode report is almost a second old
     while not desk.mode_requests():
         asked = desk.now_s
         desk.step()
@@ -338,7 +340,7 @@ def test_a_mode_is_asked_for_only_when_it_has_just_been_told(autopilot):
 @pytest.mark.parametrize(
     ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
 )
-def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_the_aircraft(autopilot, pilots):
+def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_control(autopilot, pilots):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to(
         "holding", EXIT, then_s=2.5
     )
@@ -352,7 +354,7 @@ def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_the_aircraft(autopi
 @pytest.mark.parametrize(
     ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
 )
-def test_a_pilot_who_takes_over_from_a_failsafe_keeps_the_aircraft(autopilot, pilots):
+def test_a_pilot_who_takes_over_from_a_failsafe_keeps_control(autopilot, pilots):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
     desk.say_heartbeat(RTL if autopilot == ARDUPILOT else 0x05040000, CRITICAL).run(2.0)
     desk.say_heartbeat(pilots).run(2.0)
@@ -365,7 +367,9 @@ def test_a_pilot_who_takes_over_from_a_failsafe_keeps_the_aircraft(autopilot, pi
 @pytest.mark.parametrize(
     ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
 )
-def test_a_pilot_who_takes_over_from_a_failsafe_before_the_first_flight_keeps_it(autopilot, pilots):
+def test_a_pilot_who_takes_over_from_a_failsafe_before_the_first_flight_keeps_control(
+    autopilot, pilots
+):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.say_heartbeat(RTL if autopilot == ARDUPILOT else LANDING, CRITICAL).run(1.0)
     desk.say_heartbeat(pilots).run(LONG_S)
@@ -374,23 +378,23 @@ def test_a_pilot_who_takes_over_from_a_failsafe_before_the_first_flight_keeps_it
     assert not desk.mode_requests()
 
 
-def test_a_failsafe_that_gives_the_mode_of_the_order_back_leaves_it_to_the_pilot():
-    """HOLD, LAND, HOLD before the mode may be asked for."""
+def test_a_failsafe_that_returns_to_the_mode_of_the_order_leaves_control_to_the_pilot():
+    """HOLD, LAND, HOLD before the mode may be requested."""
     desk = Desk(authority=Authority.ENGAGE).come_to("idle").run_to_heartbeat()
     session, telemetry = mock.Mock(), desk.companion.telemetry
     autopilot = telemetry.autopilot
     mode_requester = ModeRequester(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
     mode_requester.note_order(autopilot, MissionState.IDLE, autopilot.received_s)
     lands = replace(autopilot, mode="LAND", homeward=True, failsafe=True)
-    for since_s, told in ((0.0, lands), (-2.0, autopilot)):
+    for since_s, reported in ((0.0, lands), (-2.0, autopilot)):
         status = MissionStatus(state=MissionState.READY, since_s=autopilot.received_s + since_s)
-        seen = replace(telemetry, autopilot=told)
+        seen = replace(telemetry, autopilot=reported)
         mode_requester.act(status, seen, at_end=False, now_s=autopilot.received_s)
     assert not session.request_own_mode.called
 
 
-def test_a_flight_that_is_resumed_takes_no_mode_from_a_pilot_who_has_overridden():
-    """GUIDED was given by hand, so that the order it began with has asked for nothing."""
+def test_a_resumed_flight_requests_no_mode_from_a_pilot_who_has_overridden():
+    """The pilot gave GUIDED, so the first order requested no mode."""
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE, resume=True)
     desk.come_to("ready", then_s=0.5).say_heartbeat(GUIDED).run_until("flying").run(1.0)
     desk.say_heartbeat(LOITER).run(2.0)
@@ -402,8 +406,8 @@ def test_a_flight_that_is_resumed_takes_no_mode_from_a_pilot_who_has_overridden(
     assert not desk.mode_requests()
 
 
-def test_a_release_while_a_hold_is_offered_takes_nothing_from_a_later_order():
-    """In the pilot's HOLD nobody has taken over: the next order asks for our mode again."""
+def test_after_a_release_while_ready_the_next_order_requests_the_mode_again():
+    """The pilot's HOLD is no takeover: the next order requests the companion's mode again."""
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.order(RELEASE).run(1.0)
     assert (desk.state, desk.mode) == ("released", AUTO_HOLD)
@@ -413,7 +417,7 @@ def test_a_release_while_a_hold_is_offered_takes_nothing_from_a_later_order():
     assert len(desk.mode_requests()) == asked + 1
 
 
-def test_an_order_for_which_no_mode_is_asked_says_so():
+def test_an_order_that_requests_no_mode_reports_the_mode_that_is_kept():
     desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
     desk.say_heartbeat(POSCTL).run(3.0)
     desk.order(EXIT).run(3.0)

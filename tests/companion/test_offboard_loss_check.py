@@ -1,6 +1,6 @@
-"""Judging plans by what the autopilot would do on offboard loss, as the companion does it.
+"""Check of plans against the autopilot's offboard-loss action, in the whole companion.
 
-Before the flight, and when a parameter or the home is changed on its way.
+Before the flight, and when a parameter or the home changes in flight.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ INNER = 1.0
 # Before the flight ------------------------------------------------------------------------------
 
 
-def test_nothing_is_begun_before_the_parameters_are_told_or_given_up_on():
+def test_no_mission_starts_before_the_parameters_are_received_or_given_up():
     desk = Desk()
     desk.parameters = {}
     desk.run(1.2).order(INSPECTION).run(0.5)
@@ -49,7 +49,7 @@ def test_an_order_at_the_start_waits_for_the_autopilot_and_its_parameters():
     assert not desk.said("rejected")
 
 
-def test_nor_before_those_of_the_failsafes_are():
+def test_no_mission_starts_before_the_failsafe_parameters_are_received_or_given_up():
     desk = Desk()
     del desk.parameters["NAV_DLL_ACT"]
     desk.run(1.2).order(INSPECTION).run(0.5)
@@ -69,7 +69,7 @@ def test_a_parameter_that_is_changed_counts_from_the_next_order_on():
     assert desk.said("PX4 would hit right-middle, denied")
 
 
-def test_what_is_objected_to_in_flight_is_held_until_it_is_changed_back_or_ordered_otherwise():
+def test_a_flight_with_an_unsafe_offboard_loss_action_holds_until_the_parameter_is_safe():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.report_parameter("COM_OBL_RC_ACT")
@@ -87,7 +87,9 @@ def test_what_is_objected_to_in_flight_is_held_until_it_is_changed_back_or_order
 @pytest.mark.parametrize(
     ("mission", "policy"), [(INSPECTION, LossCheck.WARN), (EXIT, LossCheck.REFUSE)]
 )
-def test_what_need_not_be_refused_is_warned_about_in_flight(mission, policy):
+def test_an_unsafe_offboard_loss_action_that_is_not_refused_gives_a_warning_in_flight(
+    mission, policy
+):
     desk = Desk(supervision=Supervision(loss_action=policy)).come_to("flying", mission, then_s=2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.report_parameter("COM_OBL_RC_ACT")
@@ -96,7 +98,7 @@ def test_what_need_not_be_refused_is_warned_about_in_flight(mission, policy):
     assert desk.said("MOAR: PX4 would stop its motors")
 
 
-def test_an_escape_route_is_never_refused_but_warned_about():
+def test_an_escape_route_is_not_refused_for_its_offboard_loss_action_but_gives_a_warning():
     desk = Desk()
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.run(1.2).order(INSPECTION).run(0.5)
@@ -106,23 +108,23 @@ def test_an_escape_route_is_never_refused_but_warned_about():
 
 
 @pytest.mark.parametrize("policy", LossCheck)
-def test_what_is_done_about_it_is_configured(policy):
+def test_the_reaction_to_an_unsafe_offboard_loss_action_is_configured(policy):
     desk = Desk(supervision=Supervision(loss_action=policy))
     desk.parameters["COM_OBL_RC_ACT"] = 4.0
     desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
     assert desk.answers() == [DENIED if policy is LossCheck.REFUSE else ACCEPTED]
     assert desk.said("MOAR: PX4 would hit right-lower")
-    # What mends it is in the record, whole.
+    # The recording has the whole remedy.
     assert "PX4 would hit right-lower (it would land on offboard loss; set COM_OBL_RC_ACT 5)" in {
         text["reason"] for text in desk.decided("text")
     }
 
 
-# What changes on the way ------------------------------------------------------------------------
+# Changes in flight ------------------------------------------------------------------------------
 
 
 def returning(**config):
-    """Flying to the outer splice; without us it would return home at 12 m, which is behind it."""
+    """Flying to the outer splice; after an offboard loss the return is at 12 m, behind it."""
     desk = Desk(**config).set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=12.0)
     desk.run(1.0).report_home(27.0).run(0.5).order(INSPECTION, 0.0).run_until("ready")
@@ -132,7 +134,7 @@ def returning(**config):
 def test_a_home_that_moves_behind_the_conductors_in_flight_is_held():
     words = "MOAR: PX4 would hit right-middle, holding"
     desk = returning()
-    desk.report_home(26.5).run(2.0)  # by so little that the way is the same
+    desk.report_home(26.5).run(2.0)  # so little that the route is the same
     assert desk.state == "flying"
     desk.report_home(0.0).run(1.0)
     assert desk.state == "holding"
@@ -140,7 +142,7 @@ def test_a_home_that_moves_behind_the_conductors_in_flight_is_held():
     desk.report_home(27.0).run_until("flying", 4.0).run_until("at_target", 60.0)
 
 
-def test_what_is_objected_to_for_how_wide_obstacles_are_is_over_when_they_are_less_wide():
+def test_a_hold_for_obstacles_that_have_become_wider_ends_when_they_are_narrower():
     desk = Desk().set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=4.0)
     desk.run(1.0).report_home(24.5).run(0.5).order(INSPECTION, 0.0).run_until("ready")
@@ -150,25 +152,25 @@ def test_what_is_objected_to_for_how_wide_obstacles_are_is_over_when_they_are_le
     desk.set(accuracy_m=0.3).run_until("flying", 8.0)
 
 
-def test_it_goes_on_by_itself_though_a_change_before_was_not_enough():
+def test_a_hold_for_the_offboard_loss_action_ends_even_after_an_insufficient_change():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.order(INSPECTION, INNER).run(1.0)
     desk.set_parameters(COM_OBL_RC_ACT=7.0).run_until("holding", 1.0)
-    desk.set_parameters(COM_OBL_RC_ACT=4.0).run(3.0)  # where it stands that is free
+    desk.set_parameters(COM_OBL_RC_ACT=4.0).run(3.0)  # a landing at the present place is free
     assert desk.said("MOAR: resuming")
     assert desk.said("MOAR: PX4 would hit right-lower, holding")
     assert desk.state == "holding"
     desk.set_parameters(COM_OBL_RC_ACT=5.0).run_until("flying", 4.0)
 
 
-def test_where_that_is_only_warned_about_it_flies_on():
+def test_an_unsafe_home_that_only_gives_a_warning_does_not_hold_the_flight():
     desk = returning(supervision=Supervision(loss_action=LossCheck.WARN))
     desk.report_home(0.0).run(1.0)
     assert desk.state == "flying"
     assert desk.said("MOAR: PX4 would hit right-middle")
 
 
-def test_a_parameter_that_turns_bad_while_it_holds_is_told_at_once():
+def test_a_parameter_that_becomes_unsafe_during_a_hold_is_reported_at_once():
     desk = Desk().come_to("flying", then_s=2.0).pause().run(2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.report_parameter("COM_OBL_RC_ACT")
@@ -179,8 +181,8 @@ def test_a_parameter_that_turns_bad_while_it_holds_is_told_at_once():
     assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("holding", DENIED)
 
 
-def test_where_it_stands_the_place_alone_counts():
-    """A landing from there is free, though not from every place ahead."""
+def test_in_a_hold_only_an_offboard_loss_at_the_present_place_counts():
+    """A landing at the present place is free, but not from every place ahead."""
     desk = Desk().come_to("flying", then_s=2.0)
     desk.order(INSPECTION, INNER).run(1.0).pause().run(2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 4.0
@@ -192,7 +194,7 @@ def test_where_it_stands_the_place_alone_counts():
     assert desk.said("MOAR: PX4 would hit right-lower")
 
 
-def test_a_plan_that_is_refused_on_the_way_leaves_the_one_that_is_flown_unless_it_is_no_better():
+def test_a_plan_that_is_refused_in_flight_keeps_the_flown_one_unless_that_is_no_better():
     desk = Desk().come_to("flying", then_s=2.0)
     survival = desk.companion._executor.routes.limits.offboard_loss
     objections = ["it would land on a roof", None]
@@ -207,11 +209,11 @@ def test_a_plan_that_is_refused_on_the_way_leaves_the_one_that_is_flown_unless_i
     assert desk.said("MOAR: it would land on a roof, holding")
 
 
-# Failsafes ---------------------------------------------------------------------------------------
+# Failsafes --------------------------------------------------------------------------------------
 
 
 def watched(desk, seconds):
-    """So many seconds with a ground station, whose loss the autopilot can notice."""
+    """Runs with a ground station, whose loss the autopilot can detect."""
     for _ in range(round(seconds)):
         desk.handle(desk.operator.pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))).run(
             1.0
@@ -219,7 +221,7 @@ def watched(desk, seconds):
     return desk
 
 
-def test_one_that_refuses_an_inspection_that_nobody_ordered_holds_it_until_it_is_changed():
+def test_a_failsafe_that_refuses_the_flown_inspection_holds_it_until_the_failsafe_is_changed():
     desk = watched(Desk(supervision=Supervision(failsafe_action=LossCheck.REFUSE)), 2)
     desk.order(INSPECTION, INNER).run_until("ready").run(1.1).say_heartbeat(desk.ours)
     watched(desk.run_until("flying", 0.1), 2).set_parameters(NAV_DLL_ACT=3.0)
@@ -233,7 +235,7 @@ def test_one_that_refuses_an_inspection_that_nobody_ordered_holds_it_until_it_is
     assert watched(desk, 4).state == "flying"
 
 
-def test_failsafes_that_change_in_flight_are_planned_with():
+def test_failsafes_that_change_in_flight_cause_one_new_plan():
     desk = watched(Desk(), 2)
     desk.order(INSPECTION, INNER).run_until("ready").run(1.1).say_heartbeat(desk.ours)
     watched(desk.run_until("flying", 0.1), 1).set_parameters(NAV_DLL_ACT=3.0)
@@ -243,7 +245,7 @@ def test_failsafes_that_change_in_flight_are_planned_with():
 
 
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT])
-def test_the_end_of_a_stay_is_told_unless_an_exit_is_flown(mission):
+def test_the_end_of_a_stay_at_a_target_is_reported_unless_an_exit_is_flown(mission):
     desk = Desk().come_to("flying", mission)
     watch = desk.companion._executor.routes.limits.watch
     with mock.patch.object(watch, "note", return_value="GCS loss hits wire, exit in 9 s"):

@@ -31,7 +31,7 @@ from .desk import (
 )
 
 
-def test_a_mission_ordered_in_the_air_is_accepted_once_its_plan_is_there():
+def test_a_mission_ordered_in_the_air_is_accepted_when_its_plan_is_ready():
     desk = Desk().run(1.2).order(INSPECTION)
     desk.step()
     assert (desk.state, desk.answers()) == ("planning", [])
@@ -64,7 +64,7 @@ def test_a_mission_is_temporarily_rejected_unless_in_the_air(case, armed, landed
 
 
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT, EVACUATION])
-def test_an_index_out_of_range_is_denied_with_the_number_there_are(mission):
+def test_an_index_out_of_range_is_denied_with_the_number_of_targets(mission):
     desk = Desk().run(1.2).order(mission, 7.0).run(0.2)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
     assert desk.said(" 7 of ")
@@ -94,20 +94,20 @@ def test_while_planning_takes_long_the_order_is_in_progress_and_then_accepted():
     assert desk.state == "ready"
 
 
-def test_a_mission_that_cannot_be_planned_is_denied_with_the_reason_in_words():
+def test_a_mission_that_cannot_be_planned_is_denied_with_a_text():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
     desk.answer_plan(plan=None, reason="no free path leads there")
     desk.run(0.1)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
-    told = [text for text in desk.texts() if "no free path" in text]
-    assert told == ["MOAR: no free path leads there, denied"]
+    texts = [text for text in desk.texts() if "no free path" in text]
+    assert texts == ["MOAR: no free path leads there, denied"]
     assert not desk.setpoints()
 
 
 def test_in_flight_a_mission_that_cannot_be_planned_is_denied_and_the_flight_goes_on():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
-    desk.run(3.0)  # no replan is answered any more
+    desk.run(3.0)  # later replans have no answer
     desk.order(EVACUATION).step().answer_plan(plan=None, reason="no landing point can be seen")
     before = desk.now_s
     desk.plan_delay_s = 0.04
@@ -125,7 +125,7 @@ def test_a_second_order_from_another_operator_cancels_the_first():
     desk.order(EXIT, peer=tablet).step()
     answered = [(message.target_system, message.result) for message in desk.messages("COMMAND_ACK")]
     assert answered == [(255, CANCELLED)]
-    desk.answer_plan(0).step()  # the first plan comes too late
+    desk.answer_plan(0).step()  # the first plan is late
     assert desk.state == "planning"
     desk.answer_plan(1).step()
     assert desk.companion.status.task.mission.value == "exit"
@@ -133,7 +133,7 @@ def test_a_second_order_from_another_operator_cancels_the_first():
     assert answered == [(255, CANCELLED), (254, ACCEPTED)]
 
 
-def test_an_order_taken_back_on_the_ground_of_planning_is_cancelled_and_its_plan_dropped():
+def test_an_order_cancelled_during_planning_is_not_flown_and_its_plan_is_dropped():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
     desk.take_back().step()
     assert (desk.state, desk.answers()) == ("idle", [CANCELLED])
@@ -142,7 +142,7 @@ def test_an_order_taken_back_on_the_ground_of_planning_is_cancelled_and_its_plan
     assert not desk.setpoints()
 
 
-def test_an_order_taken_back_in_flight_is_not_flown_when_its_plan_comes():
+def test_an_order_cancelled_in_flight_is_not_flown_when_its_plan_comes():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
     desk.run(0.2).order(EVACUATION).step()
@@ -156,7 +156,7 @@ def test_an_order_taken_back_in_flight_is_not_flown_when_its_plan_comes():
     assert desk.run_until("at_target", 60.0).state == "at_target"
 
 
-def test_pause_holds_and_continue_goes_on():
+def test_pause_holds_and_continue_resumes_the_mission():
     desk = Desk().come_to("flying", then_s=5.0)
     desk.order(0.0, command=PAUSE_CONTINUE).run(2.0)
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [ACCEPTED])
@@ -169,13 +169,13 @@ def test_pause_holds_and_continue_goes_on():
     assert desk.run_until("at_target", 60.0).state == "at_target"
 
 
-def test_continue_without_anything_held_is_rejected():
+def test_continue_without_a_held_mission_is_rejected():
     desk = Desk().come_to("flying").order(1.0, command=PAUSE_CONTINUE).run(0.1)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
     assert desk.state == "flying"
 
 
-def test_an_order_in_the_cycle_in_which_the_mode_is_given_is_judged_as_in_control():
+def test_an_order_in_the_cycle_of_the_mode_change_is_judged_as_under_control():
     desk = Desk().come_to("ready", then_s=1.1)
     desk.velocity_ned_mps = (0.0, 1.2, 0.0)
     desk.run(0.1).run_to_position().say_heartbeat(OFFBOARD).order(EXIT).step()
@@ -198,7 +198,7 @@ def test_release_ends_the_stream_with_one_last_setpoint_at_rest(state):
     assert desk.setpoints(before) == []
 
 
-def test_hold_on_the_ground_of_nothing_is_rejected():
+def test_hold_without_a_mission_is_rejected():
     desk = Desk().run(1.2).order(HOLD).run(0.1)
     assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
 
@@ -235,7 +235,7 @@ def test_an_observer_denies_missions_with_a_text_and_never_streams(mission):
     assert not desk.mode_requests()
 
 
-def test_without_a_site_missions_are_denied_and_risks_told_all_the_same():
+def test_without_a_site_missions_are_denied_and_risks_are_still_reported():
     desk = Desk(with_site=False).run(1.2).order(INSPECTION).run(2.0)
     assert desk.answers() == [DENIED]
     assert desk.said("no site is loaded")

@@ -1,4 +1,4 @@
-"""Orders that cross with something else, or come before the mode, a plan or the end."""
+"""Orders that cross with other events, or come before the mode, a plan or the end."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from .desk import (
     Desk,
 )
 
-# Orders that cross with something else ----------------------------------------------------------
+# Orders that cross with other events ------------------------------------------------------------
 
 
-def test_an_order_taken_back_in_the_instant_of_its_plan_is_not_flown():
+def test_an_order_cancelled_in_the_cycle_of_its_plan_is_not_flown():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
     desk.take_back().answer_plan().run(1.0)
     assert (desk.state, desk.answers()) == ("idle", [CANCELLED])
     assert not desk.setpoints()
 
 
-def test_in_flight_an_order_taken_back_in_the_instant_of_its_plan_is_not_flown():
+def test_in_flight_an_order_cancelled_in_the_cycle_of_its_plan_is_not_flown():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
     desk.run(0.5).order(EVACUATION).step()
@@ -66,7 +66,7 @@ def test_a_pause_cancels_the_order_whose_plan_is_awaited():
     assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
 
 
-def test_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
+def test_a_failsafe_received_with_a_release_gets_no_last_setpoint():
     desk = Desk().come_to("flying", then_s=3.0)
     began = desk.now_s
     desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).run(1.0)
@@ -75,7 +75,7 @@ def test_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
 
 
 @pytest.mark.parametrize("failsafe_first", [True, False])
-def test_an_order_that_crosses_with_a_failsafe_is_not_one_that_knew_of_it(failsafe_first):
+def test_an_order_that_crosses_with_a_failsafe_is_rejected(failsafe_first):
     desk = Desk().come_to("ready", then_s=1.0)
     began = desk.now_s
     if failsafe_first:
@@ -86,11 +86,11 @@ def test_an_order_that_crosses_with_a_failsafe_is_not_one_that_knew_of_it(failsa
     assert (desk.state, desk.answers()[-1]) == ("released", TEMPORARILY_REJECTED)
     assert desk.said("released just now")
     assert not desk.setpoints(began)
-    desk.order(EXIT).run(0.5)  # now the operator knows
+    desk.order(EXIT).run(0.5)  # the operator has received the text
     assert (desk.state, desk.answers()[-1]) == ("ready", ACCEPTED)
 
 
-def test_with_a_plans_answer_too_an_order_comes_after_what_ends_control():
+def test_an_order_in_the_cycle_of_a_plan_is_judged_after_the_events_that_end_control():
     desk = Desk().come_to("ready", then_s=1.0)
     desk.plan_delay_s = None
     desk.order(EVACUATION).step()
@@ -100,7 +100,7 @@ def test_with_a_plans_answer_too_an_order_comes_after_what_ends_control():
     assert not desk.setpoints(began)
 
 
-def test_with_a_plans_answer_too_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
+def test_with_a_plan_in_the_cycle_a_failsafe_received_with_a_release_gets_no_last_setpoint():
     desk = Desk().come_to("flying", then_s=3.0)
     desk.plan_delay_s = None
     desk.order(EXIT).step()
@@ -125,7 +125,7 @@ def test_a_mission_ordered_while_ready_interrupts_no_stream():
     assert {(m.vx, m.vy, m.vz) for m in desk.setpoints(began)} == {(0.0, 0.0, 0.0)}
 
 
-def test_a_mission_that_cannot_be_planned_leaves_ready_as_it_was():
+def test_a_mission_that_cannot_be_planned_while_ready_keeps_the_offered_hold():
     desk = Desk().come_to("ready")
     desk.plan_delay_s = None
     desk.order(EXIT).step().answer_plan(plan=None, reason="no escape route").run(0.5)
@@ -137,7 +137,7 @@ def test_a_mission_that_cannot_be_planned_leaves_ready_as_it_was():
 
 @pytest.mark.parametrize("held_by", ["pause", "order"])
 def test_a_hold_given_with_the_mode_holds_and_can_be_continued(held_by):
-    """The pilot gives OFFBOARD; a second later at the latest the companion hears of it."""
+    """The pilot gives OFFBOARD; the companion receives it within a second."""
     desk = Desk().come_to("ready", then_s=1.2).run_to_heartbeat()
     desk.mode = OFFBOARD
     began = desk.now_s
@@ -168,7 +168,7 @@ def test_a_hold_while_ready_can_be_continued_while_ready():
 # Planners that are slow or silent ---------------------------------------------------------------
 
 
-def test_a_planner_that_never_answers_is_not_waited_for():
+def test_an_order_is_denied_when_the_planner_never_answers():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).run(4.9)
     assert desk.state == "planning"
     desk.run(0.3)
@@ -179,7 +179,7 @@ def test_a_planner_that_never_answers_is_not_waited_for():
     assert not desk.setpoints()
 
 
-def test_a_replan_that_never_comes_is_dropped_and_the_next_one_asked_for():
+def test_a_replan_without_an_answer_is_dropped_and_the_next_one_requested():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
     began = desk.now_s
@@ -203,7 +203,7 @@ def test_a_plan_that_comes_too_late_to_be_joined_is_made_again_from_rest(delay_s
 
 
 @pytest.mark.parametrize("mission", [EXIT, EVACUATION])
-def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_come_to_its_end(mission):
+def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_reached_its_end(mission):
     desk = Desk(authority=Authority.ENGAGE).come_to("at_target").order(mission).run(4.0)
     assert desk.state == "flying"
     began = desk.now_s
@@ -216,7 +216,7 @@ def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_come_to_its_end(
 # The end of the mission -------------------------------------------------------------------------
 
 
-def test_above_the_landing_point_nothing_is_left_to_continue():
+def test_above_the_landing_point_continue_is_rejected():
     desk = Desk().come_to("holding", EXIT, then_s=2.0).go_on().run(0.5)
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [TEMPORARILY_REJECTED])
     assert desk.said("nothing is left to fly")
@@ -236,7 +236,7 @@ def test_a_hold_that_ends_beyond_the_gate_can_be_continued(early_s):
 
 
 @pytest.mark.parametrize("plan_delay_s", [0.0, 0.04])
-def test_an_order_that_is_given_while_it_brakes_is_joined_where_it_comes_to_rest(plan_delay_s):
+def test_an_order_during_braking_is_joined_at_the_rest_point(plan_delay_s):
     desk = Desk(plan_delay_s=plan_delay_s).come_to("flying", then_s=4.0)
     planned = len(desk.jobs)
     desk.pause().run(0.1).order(EVACUATION).run(0.2)

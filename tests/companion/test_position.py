@@ -1,4 +1,4 @@
-"""A position that stands still, jumps, or is told in another frame than before."""
+"""A position that is frozen, jumps, or changes its frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .desk import EXIT, INSPECTION, STEP_S, Desk
 
 
 def moved_m(setpoints):
-    """The longest step from one setpoint to the next."""
+    """The greatest distance from one setpoint to the next."""
     places = [(m.x, m.y, m.z) for m in setpoints]
     return max(math.dist(*pair) for pair in itertools.pairwise(places))
 
@@ -28,10 +28,10 @@ def test_a_position_whose_clock_stands_still_is_stale(state):
     assert desk.said("position age 0.5")
 
 
-def test_an_aircraft_that_follows_no_more_is_told_of_and_so_is_that_it_does_again():
+def test_an_aircraft_that_stops_following_is_reported_and_so_is_its_recovery():
     desk = Desk(height_m=5.0).come_to("flying", EXIT, then_s=2.0)
     desk.fall_behind(0.0, 1.7, 0.0).run(5.0)
-    assert not desk.said("stands on its way")
+    assert not desk.said("no progress")
     desk.run(10.0)
     assert desk.state == "flying"
     assert desk.said("MOAR: no progress, 1.7 m from setpoint")
@@ -39,7 +39,7 @@ def test_an_aircraft_that_follows_no_more_is_told_of_and_so_is_that_it_does_agai
     assert desk.said("MOAR: no progress")
 
 
-def test_a_position_that_stands_while_its_clock_runs_is_told_of():
+def test_a_frozen_position_with_a_running_clock_is_reported():
     desk = Desk(height_m=5.0).come_to("flying", then_s=5.0)
     frozen = desk.position_ned_m
     for _ in range(750):
@@ -58,7 +58,7 @@ def test_a_position_on_a_link_that_falls_behind_is_stale(growth):
     assert desk.said("position age 0.5")
 
 
-def test_so_it_is_on_one_that_falls_behind_when_its_answers_have_ceased():
+def test_a_position_is_stale_on_a_link_that_falls_behind_after_its_answers_have_ceased():
     desk = Desk().come_to("flying", then_s=1.0).pause().run(1.0).set(mute={"TIMESYNC"})
     while desk.late_s < 1.0:
         desk.set(late_s=desk.late_s + 0.3 * STEP_S).step()
@@ -66,7 +66,7 @@ def test_so_it_is_on_one_that_falls_behind_when_its_answers_have_ceased():
     assert desk.said("position age 0.9") or desk.said("position age 1.0")
 
 
-def test_answers_that_are_lost_for_a_while_are_no_late_link():
+def test_answers_that_are_lost_for_some_time_are_no_late_link():
     desk = (
         Desk()
         .come_to("flying", then_s=1.0)
@@ -79,7 +79,7 @@ def test_answers_that_are_lost_for_a_while_are_no_late_link():
 
 
 def test_a_clock_of_the_autopilot_that_runs_at_another_speed_is_no_late_link():
-    """As in a simulator that the machine cannot bear, or by an hour's drift."""
+    """As in a simulator that runs too slowly, or after an hour of drift."""
     desk = Desk().come_to("flying", then_s=1.0)
     for _ in range(500):
         desk.boot_s -= 0.3 * STEP_S
@@ -107,7 +107,7 @@ def test_with_an_old_attitude_nothing_is_begun():
 
 
 @pytest.mark.parametrize("jump_ned_m", [(0.0, 1.4, 0.0), (0.0, -0.8, 0.6), (1.0, 0.0, 0.0)])
-def test_a_jump_of_the_estimate_takes_the_setpoint_along(jump_ned_m):
+def test_a_jump_of_the_estimate_moves_the_setpoint_by_the_same_vector(jump_ned_m):
     desk = Desk().come_to("flying", then_s=8.0)
     desk.run_to_position()
     before, began = desk.setpoints()[-1], desk.now_s
@@ -116,14 +116,14 @@ def test_a_jump_of_the_estimate_takes_the_setpoint_along(jump_ned_m):
     after = desk.setpoints(began)[-1]
     jumped = (after.x - before.x, after.y - before.y, after.z - before.z)
     assert jumped == pytest.approx(jump_ned_m, abs=0.1)
-    assert math.dist(desk.position_ned_m, place) < 0.1  # the aircraft has not chased it
+    assert math.dist(desk.position_ned_m, place) < 0.1  # the aircraft has not followed the jump
     (told,) = desk.decided("jump")
     assert math.hypot(*told["jump_m"]) == pytest.approx(math.hypot(*jump_ned_m), abs=0.05)
     desk.run(1.0)
-    assert moved_m(desk.setpoints(began + 0.06)) < 0.05  # and it comes back to its path slowly
+    assert moved_m(desk.setpoints(began + 0.06)) < 0.05  # the setpoint returns to its path slowly
 
 
-def test_a_jump_of_less_than_half_a_metre_is_flown_out():
+def test_a_jump_of_less_than_half_a_metre_moves_the_aircraft_not_the_setpoint():
     desk = Desk().come_to("flying", then_s=8.0)
     began = desk.now_s
     desk.jump(0.0, 0.4, 0.0).run(2.0)
@@ -132,7 +132,7 @@ def test_a_jump_of_less_than_half_a_metre_is_flown_out():
 
 
 @pytest.mark.parametrize("told", ["with it", "after it", "before it"])
-def test_a_smaller_jump_is_known_when_the_estimator_tells_of_its_reset(told):
+def test_a_smaller_jump_is_detected_when_the_estimator_reports_its_reset(told):
     desk = Desk().set(reset_counter=255).come_to("ready", then_s=2.0)
     desk.run_to_position()
     before = desk.setpoints()[-1]
@@ -150,7 +150,7 @@ def test_a_smaller_jump_is_known_when_the_estimator_tells_of_its_reset(told):
     )
 
 
-def test_a_smaller_jump_that_is_known_is_not_chased():
+def test_a_detected_smaller_jump_does_not_move_the_aircraft():
     desk = Desk().set(reset_counter=12).come_to("flying", then_s=8.0)
     desk.run_to_position()
     place = desk.position_ned_m
@@ -172,13 +172,13 @@ def test_a_reset_of_the_estimator_is_no_jump_of_itself(case, off_m, wait_s):
     assert not desk.decided("jump"), case
 
 
-def test_the_first_word_of_an_estimator_is_no_reset():
+def test_the_first_report_of_an_estimator_is_no_reset():
     desk = Desk().come_to("flying", then_s=8.0)
     desk.jump(0.0, 0.4, 0.0).set(reset_counter=7).run(1.0)
     assert not desk.decided("jump")
 
 
-def test_a_jump_while_ready_takes_the_hold_along():
+def test_a_jump_while_ready_moves_the_hold():
     desk = Desk().come_to("ready", then_s=2.0)
     before, began = desk.setpoints()[-1], desk.now_s
     desk.jump(0.0, -0.8, 0.0).run(2.0)
@@ -193,7 +193,7 @@ def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
     desk.jump(5.0, 0.0, 0.0).run(1.0)
     assert desk.state == "released"
     assert desk.said("from the plane")
-    # A last setpoint in the earlier frame would draw the aircraft five metres away.
+    # A last setpoint in the old frame would move the aircraft by five metres.
     assert math.dist(desk.position_ned_m, place) < 0.1
     assert len(desk.setpoints(began)) <= 1
 
@@ -201,14 +201,14 @@ def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
 def test_a_reset_below_the_least_altitude_is_a_hold():
     desk = Desk().come_to("flying")
     desk.run_to_position()
-    assert desk.companion.pose.position_m[2] < 3.2  # of which 2 m have to be kept
+    assert desk.companion.pose.position_m[2] < 3.2  # the least altitude is 2 m
     desk.jump(0.0, 0.0, 1.2).run(2.0)
     assert desk.companion.pose.position_m[2] < 2.0
     assert desk.state == "holding"
 
 
 def test_an_origin_that_moves_in_flight_moves_no_setpoint():
-    """The site is nearer or farther by what the origin moved: the flight ends up on its path."""
+    """The site moves with the origin: the flight returns to its path."""
     desk = Desk().come_to("flying", then_s=8.0)
     began = desk.now_s
     latitude, longitude, altitude = desk.origin
@@ -234,7 +234,7 @@ def at_the_last_target():
 
 @pytest.mark.parametrize("when", ["it makes it hold", "it holds already", "every target is done"])
 @pytest.mark.parametrize("jump_ned_m", [(0.0, 0.0, -4.0), (0.0, -3.5, 0.0)])
-def test_a_hold_stays_where_the_aircraft_is_whatever_its_position_jumps_by(when, jump_ned_m):
+def test_a_hold_stays_at_the_aircraft_after_any_position_jump(when, jump_ned_m):
     if when == "every target is done":
         desk = at_the_last_target()
     else:
@@ -245,13 +245,13 @@ def test_a_hold_stays_where_the_aircraft_is_whatever_its_position_jumps_by(when,
     place, began = desk.position_ned_m, desk.now_s
     desk.jump(*jump_ned_m).run(5.0)
     assert desk.state == "holding"
-    assert math.dist(desk.position_ned_m, place) < 0.3  # what it takes to come to rest
+    assert math.dist(desk.position_ned_m, place) < 0.3  # the stopping distance
     assert moved_m(desk.setpoints(began + 0.06)) < 0.02
     last = desk.setpoints()[-1]
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
 
 
-def test_after_such_a_hold_it_goes_on_from_where_it_stands():
+def test_after_a_jump_and_a_hold_the_flight_continues_from_the_aircrafts_position():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.jump(0.0, 0.0, -4.0).run(4.0)
     job = len(desk.jobs)
@@ -266,14 +266,14 @@ def test_after_such_a_hold_it_goes_on_from_where_it_stands():
 
 
 def turns_rad(setpoints):
-    """From one setpoint's heading to the next one's."""
+    """Differences between the headings of successive setpoints."""
     headings = [m.yaw for m in setpoints]
     return [math.remainder(b - a, math.tau) for a, b in itertools.pairwise(headings)]
 
 
 @pytest.mark.parametrize("reset_rad", [0.43, -1.2, 3.0])
 def test_a_reset_of_the_heading_does_not_turn_the_nose(reset_rad):
-    """That is, the heading that is asked for is as far from the nose as before."""
+    """The difference between commanded and true heading stays the same."""
     desk = Desk().come_to("ready", then_s=1.0)
     before, began = desk.setpoints()[-1].yaw, desk.now_s
     desk.set(yaw_rad=desk.yaw_rad + reset_rad).run(1.0)
@@ -284,7 +284,7 @@ def test_a_reset_of_the_heading_does_not_turn_the_nose(reset_rad):
     assert moved_m(desk.setpoints(began)) < 0.02
 
 
-def test_from_there_it_turns_to_where_it_should_look_no_faster_than_it_may():
+def test_after_a_heading_reset_the_nose_returns_to_its_direction_within_the_turn_rate_limit():
     desk = Desk().come_to("flying", then_s=4.0)
     wanted, began = desk.setpoints()[-1].yaw, desk.now_s
     desk.set(yaw_rad=desk.yaw_rad + 0.9).run(3.0)
@@ -292,7 +292,7 @@ def test_from_there_it_turns_to_where_it_should_look_no_faster_than_it_may():
     (reset, *others) = sorted(turns_rad(desk.setpoints(began - STEP_S)), key=abs, reverse=True)
     assert reset == pytest.approx(0.9, abs=2 * fastest_rad)
     assert abs(others[0]) <= fastest_rad + 1e-6
-    # The aircraft comes nearer to its target meanwhile, which changes the direction to it.
+    # The direction to the target changes as the aircraft comes nearer.
     assert desk.setpoints()[-1].yaw == pytest.approx(wanted, abs=0.05)
 
 
@@ -307,14 +307,14 @@ def test_an_aircraft_that_turns_fast_was_not_reset(rate_radps):
     assert desk.setpoints()[-1].yaw == before
 
 
-def test_a_heading_that_is_heard_again_after_a_gap_was_not_reset():
+def test_a_heading_that_is_received_again_after_a_gap_was_not_reset():
     desk = Desk().come_to("ready", then_s=1.0)
     desk.set(mute={"ATTITUDE"}).run(0.4)
     desk.set(mute=set(), yaw_rad=1.1).run(1.0)
     assert not desk.decided("jump")
 
 
-def test_a_rate_of_turn_that_is_not_told_makes_no_reset():
+def test_a_missing_turn_rate_makes_no_reset():
     desk = Desk().come_to("ready", then_s=1.0)
     desk.set(yaw_rate_radps=math.nan).run(0.1)
     desk.set(yaw_rad=1.1).run(1.0)

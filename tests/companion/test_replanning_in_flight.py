@@ -1,4 +1,4 @@
-"""When the path changes in flight, and what is said of it."""
+"""Path changes in flight and their texts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ INNER = 1
 
 
 class Risks:
-    """In the place of `update`: these indices, whatever is measured."""
+    """Replacement of `update`: fixed indices, whatever is measured."""
 
     def __init__(self):
         self.indices = RiskIndices()
@@ -40,7 +40,7 @@ def risks():
 
 @pytest.fixture
 def desk(risks):
-    """A companion that flies to the inner splice without any risk, places exposed or not."""
+    """A companion that flies to the inner splice without risk, exposed to failsafes or not."""
     usual = usual_planner()
     safety = replace(usual.vehicle.safety, exposure=0.0)
     desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, safety=safety)))
@@ -57,7 +57,7 @@ def plans(desk):
     return [decision.data for decision in desk.decisions if decision.kind == "plan"]
 
 
-def test_a_risk_that_hardly_matters_changes_nothing(desk, risks):
+def test_a_small_risk_does_not_change_the_path(desk, risks):
     for step in range(20):
         risks.indices = RiskIndices(wind=0.15 * (step % 2), communication=0.2 * (step % 3))
         desk.run(0.4)
@@ -65,7 +65,7 @@ def test_a_risk_that_hardly_matters_changes_nothing(desk, risks):
     assert len(plans(desk)) == 1
 
 
-def test_a_risk_that_matters_moves_the_path_and_people_are_told(desk, risks):
+def test_a_large_risk_moves_the_path_and_is_reported(desk, risks):
     risks.indices = RiskIndices(wind=0.9, communication=0.9, localization=0.9)
     desk.run(1.0)
     first, second = plans(desk)
@@ -82,7 +82,7 @@ def test_a_risk_that_matters_moves_the_path_and_people_are_told(desk, risks):
     assert any(text.startswith("MOAR: wind risk 0.90, ") and moved in text for text in texts)
 
 
-def test_the_status_tells_why_the_path_is_where_it_is(desk, risks):
+def test_the_status_has_the_reason_of_the_path(desk, risks):
     risks.indices = RiskIndices(wind=0.9, communication=0.9, localization=0.9)
     desk.run(1.0)
     latest = LatestDecisions()
@@ -94,7 +94,7 @@ def test_the_status_tells_why_the_path_is_where_it_is(desk, risks):
     assert status["risk"]["wind"]["words"].startswith("wind 0.90")
 
 
-# What is left of the plan that is flown
+# Rest of the flown plan
 
 
 @pytest.fixture
@@ -112,7 +112,7 @@ def newer(flown, junction, planner=None, **changes):
     return (planner or flown.planner).plan(start=(x_m, z_m), velocity=(vx_mps, vz_mps), **request)
 
 
-def test_what_is_left_begins_where_the_new_plan_does_and_ends_where_it_does(flown):
+def test_the_rest_of_the_plan_has_the_start_and_the_end_of_the_new_plan(flown):
     junction = flown.flight.path.junction()
     plan = newer(flown, junction)
     rest = flown.flight.rest_of_plan(plan, junction, None)
@@ -124,7 +124,7 @@ def test_what_is_left_begins_where_the_new_plan_does_and_ends_where_it_does(flow
     )
 
 
-def test_another_goal_is_no_reason_to_stay(flown):
+def test_a_plan_to_another_goal_replaces_the_flown_path(flown):
     junction = flown.flight.path.junction()
     for changes in (
         {"mission": Mission.EXIT, "target": None},
@@ -134,13 +134,13 @@ def test_another_goal_is_no_reason_to_stay(flown):
         assert flown.flight.rest_of_plan(plan, junction, None) is None
 
 
-def test_a_flight_that_was_braked_has_nothing_left_to_stay_on(flown):
+def test_a_braked_flight_has_no_rest_of_a_plan_to_compare(flown):
     flown.flight.brake()
     junction = flown.flight.path.junction()
     assert flown.flight.rest_of_plan(newer(flown, junction), junction, None) is None
 
 
-def test_braking_again_does_not_move_where_it_comes_to_rest(flown):
+def test_braking_again_does_not_move_the_rest_point(flown):
     flown.flight.brake()
     stop_m = flown.flight.path.junction().position_m
     flown.advanced(flown.flight)
@@ -148,12 +148,12 @@ def test_braking_again_does_not_move_where_it_comes_to_rest(flown):
     assert flown.flight.path.junction().position_m == stop_m
 
 
-def test_a_way_back_from_beside_the_path_is_not_compared(flown):
+def test_a_leg_back_from_beside_the_path_is_not_compared(flown):
     junction = flown.flight.path.junction_at(flown.pose)
     assert flown.flight.rest_of_plan(newer(flown, junction), junction, None) is None
 
 
-def test_a_path_that_an_obstacle_has_come_into_never_stays(flown):
+def test_a_path_that_a_new_obstacle_blocks_is_never_kept(flown):
     junction = flown.flight.path.junction()
     ahead = junction.trajectory.points_m[junction.corner + 8, ::2]
     new = Conductor(
@@ -165,14 +165,14 @@ def test_a_path_that_an_obstacle_has_come_into_never_stays(flown):
     assert flown.flight.adopt(plan, junction, ()) is Adoption.NEW_PATH
 
 
-def test_where_obstacles_have_become_wider_the_path_is_made_anew(flown):
+def test_where_obstacles_have_become_wider_the_path_is_planned_again(flown):
     junction = flown.flight.path.junction()
     wider = Planner(flown.site, flown.vehicle, position_uncertainty_m=0.3)
     plan = newer(flown, junction, wider)
     assert flown.flight.rest_of_plan(plan, junction, wider.maps.reach) is None
 
 
-def test_a_planner_that_was_built_anew_for_the_same_width_lets_the_path_stay(flown):
+def test_a_planner_that_was_rebuilt_for_the_same_width_keeps_the_path(flown):
     junction = flown.flight.path.junction()
     first, again = (
         Planner(flown.site, flown.vehicle, position_uncertainty_m=0.3) for _ in range(2)

@@ -1,4 +1,4 @@
-"""Reports of the mission: its state in every heartbeat, its changes as texts."""
+"""Reports of the mission: the state in every heartbeat, state changes as texts."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from moar_companion.mission_states import MissionState
 from .desk import OFFBOARD, Desk
 
 
-def test_the_heartbeat_tells_the_mission_state_by_its_place_in_the_contract():
+def test_the_heartbeat_carries_the_number_of_the_mission_state():
     desk = Desk().come_to("idle", then_s=1.1)
-    told = [desk.messages("HEARTBEAT")[-1].custom_mode]
+    numbers = [desk.messages("HEARTBEAT")[-1].custom_mode]
     desk.come_to("ready", then_s=1.1)
-    told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
+    numbers.append(desk.messages("HEARTBEAT")[-1].custom_mode)
     desk.say_heartbeat(OFFBOARD).run(1.1)
-    told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
-    assert told == [0, 2, 3]
+    numbers.append(desk.messages("HEARTBEAT")[-1].custom_mode)
+    assert numbers == [0, 2, 3]
     assert [state.number for state in MissionState] == list(range(9))
 
 
-def test_a_state_that_is_entered_again_is_told_again():
-    """A ground station shows the last text: it must not go on showing `holding`."""
+def test_a_state_that_is_entered_again_is_reported_again():
+    """A ground station shows the last text: after a resume that must not be `holding`."""
     desk = Desk().come_to("flying", then_s=1.0)
     desk.pause().run(1.0).go_on().run(1.0).pause().run(1.0).go_on().run(1.0)
     assert desk.state == "flying"

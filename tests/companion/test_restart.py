@@ -1,4 +1,4 @@
-"""A process that is started beside an aircraft in flight: it says what it finds, and waits."""
+"""Restart of the service in flight: it reports the earlier mission and waits for an order."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ GIVEN = "MOAR: restarted, was flying inspection"
 
 
 def desk_after(state=MissionState.FLYING, task=REST, mode=OFFBOARD, **config):
-    """Another process flew; it ended twelve seconds after its state began."""
+    """A new process after one that ended twelve seconds after its state began."""
     before = MissionSnapshot(state=state, since_s=STARTED_S - 12.0, task=task, site=SITE.name)
     desk = Desk(before=before, **config)
     assert desk.now_s == STARTED_S
@@ -49,7 +49,7 @@ def test_after_a_crash_nothing_is_streamed_though_the_mode_is_still_on(resume):
     ]
 
 
-def test_continue_flies_the_rest_as_an_order():
+def test_continue_flies_the_remaining_mission_as_an_order():
     desk = desk_after(mode=AUTO_HOLD).run(1.2).go_on().run_until("ready")
     assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
     assert desk.companion.status.task == REST
@@ -64,32 +64,32 @@ def test_continue_flies_the_rest_as_an_order():
         ("every target done", MissionState.HOLDING, Task(mission=Mission.INSPECTION)),
     ],
 )
-def test_what_was_not_being_flown_is_told_and_not_continued(case, state, task):
+def test_a_state_without_a_flight_is_reported_and_not_continued(case, state, task):
     desk = desk_after(state, task, AUTO_HOLD).run(1.2).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
     assert desk.said(f"MOAR: restarted, was {state.words}")
     assert not desk.said("continue to fly the rest")
 
 
-def test_a_new_order_flies_and_the_rest_is_forgotten():
+def test_a_new_order_is_flown_and_discards_the_remaining_mission():
     desk = desk_after(mode=AUTO_HOLD).run(1.2).order(EXIT).run_until("ready")
     assert desk.companion.status.task.mission is Mission.EXIT
     desk.order(RELEASE).run(0.6).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
 
 
-def test_a_release_forgets_the_rest():
+def test_a_release_discards_the_remaining_mission():
     desk = desk_after(mode=AUTO_HOLD).run(1.2).order(RELEASE).run(0.6).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
 
 
 @pytest.mark.parametrize("compiling", ["", "compiling planner: 3 of 11"])
-def test_a_release_before_the_planner_is_ready_forgets_the_rest(compiling):
+def test_a_release_before_the_planner_is_ready_discards_the_remaining_mission(compiling):
     desk = desk_after(mode=AUTO_HOLD, with_site=False)
     desk.companion.await_planner(compiling)
     desk.run(1.2).order(RELEASE).run(0.6)
     assert desk.answers() == [ACCEPTED]
-    assert desk.companion.memory.task is None  # nor is it continued after another crash
+    assert desk.companion.memory.task is None  # not continued after another crash
     desk.companion.take_ground(SiteMaps(site=desk.site, maps=desk.planner.maps))
     desk.run(1.2).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
@@ -97,7 +97,7 @@ def test_a_release_before_the_planner_is_ready_forgets_the_rest(compiling):
     assert not desk.said("continue to fly the rest")
 
 
-def test_a_pause_before_the_planner_is_ready_leaves_the_rest():
+def test_a_pause_before_the_planner_is_ready_keeps_the_remaining_mission():
     desk = desk_after(mode=AUTO_HOLD, with_site=False)
     desk.companion.await_planner()
     desk.run(1.2).pause().run(0.6)
@@ -106,7 +106,7 @@ def test_a_pause_before_the_planner_is_ready_leaves_the_rest():
     assert desk.companion.status.task == REST
 
 
-def test_the_ground_ends_what_was_flown():
+def test_an_aircraft_on_the_ground_discards_the_remaining_mission():
     desk = desk_after(mode=AUTO_HOLD)
     desk.armed, desk.landed_state = False, 1
     desk.run(1.2)
@@ -117,14 +117,14 @@ def test_the_ground_ends_what_was_flown():
     assert desk.companion.memory.state is MissionState.IDLE
 
 
-def test_without_a_crash_nothing_is_told():
+def test_without_a_crash_no_restart_is_reported():
     desk = desk_after(MissionState.IDLE, None)
     desk.armed, desk.landed_state = False, 1
     assert desk.run(5.0).texts() == []
     assert Desk().run(5.0).texts() == []
 
 
-def test_a_landed_state_that_never_comes_is_waited_for_without_result():
+def test_a_missing_landed_state_is_waited_for_without_result():
     desk = desk_after()
     desk.mute.add("EXTENDED_SYS_STATE")
     assert desk.run(2.5).texts() == []
@@ -132,7 +132,9 @@ def test_a_landed_state_that_never_comes_is_waited_for_without_result():
 
 
 @pytest.mark.parametrize("state", [MissionState.FLYING, MissionState.OVERRIDDEN])
-def test_under_engage_the_mode_is_not_asked_for_a_pilot_may_have_taken_over(state):
+def test_under_engage_no_mode_is_requested_after_a_restart_because_a_pilot_may_have_taken_over(
+    state,
+):
     desk = desk_after(state, mode=AUTO_HOLD, authority=Authority.ENGAGE)
     desk.run(1.2).order(INSPECTION).run_until("ready").run(3.0)
     assert desk.mode_requests() == []
@@ -142,7 +144,7 @@ def test_under_engage_the_mode_is_not_asked_for_a_pilot_may_have_taken_over(stat
     assert desk.mode_requests() == []
 
 
-def test_what_is_remembered_is_what_the_next_process_needs():
+def test_the_snapshot_has_the_state_task_and_time_that_the_next_process_needs():
     desk = Desk()
     assert desk.companion.memory is None
     desk.come_to("flying")
@@ -152,7 +154,7 @@ def test_what_is_remembered_is_what_the_next_process_needs():
     assert memory.since_s == desk.companion.status.since_s
 
 
-def test_a_second_crash_before_any_order_remembers_the_first():
+def test_after_a_second_crash_before_any_order_the_snapshot_is_that_of_the_first():
     desk = desk_after().run(5.0)
     assert desk.companion.memory.state is MissionState.FLYING
     assert desk.companion.memory.task == REST

@@ -14,7 +14,7 @@ VEHICLE = named_vehicle("linedrone_uniform")
 
 
 class Aircraft:
-    """All is told ten times a second, and a motor is at its end; `silent` is told no more."""
+    """Reports ten times a second with one motor at its limit; messages in `silent` are missing."""
 
     def __init__(self):
         self.risk_monitor = RiskMonitor(None, VEHICLE)
@@ -25,15 +25,17 @@ class Aircraft:
     def fly(self, seconds):
         for _ in range(round(seconds / 0.1)):
             self.now_s += 0.1
-            told = {name: source(self.now_s) for name, source in HEALTHY.items()}
-            told["motors"] = MotorOutputs(received_s=self.now_s, pulse_us=(1990, 1990, 1990, 1990))
-            told = {name: value for name, value in told.items() if name not in self.silent}
-            self.telemetry = replace(self.telemetry, **told)
+            values = {name: source(self.now_s) for name, source in HEALTHY.items()}
+            values["motors"] = MotorOutputs(
+                received_s=self.now_s, pulse_us=(1990, 1990, 1990, 1990)
+            )
+            values = {name: value for name, value in values.items() if name not in self.silent}
+            self.telemetry = replace(self.telemetry, **values)
             self.risk_monitor.judge(self.telemetry, {}, None, self.now_s)
         return self.risk_monitor.saturated
 
 
-def test_motors_at_their_end_are_saturated_while_they_are_told():
+def test_motors_at_their_limit_count_as_saturated_while_their_output_is_reported():
     aircraft = Aircraft()
     assert aircraft.fly(3.0)
     aircraft.silent = {"motors"}

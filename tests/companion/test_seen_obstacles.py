@@ -1,4 +1,4 @@
-"""What a sensor sees in flight: new maps, another path, holds, and what operators are told."""
+"""Obstacles that a sensor sees in flight: new maps, another path, holds, texts."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def conductor(x_m, z_m, name="seen-1"):
 
 
 class Watched(Desk):
-    """A desk with a sensor that works, and sees what `conductors` and `solids` say."""
+    """A desk with a working sensor, which sees `conductors` and `solids`."""
 
     def __init__(self, **options):
         usual = usual_planner()
-        # Nobody else's maps are changed by what is seen here.
+        # Seen obstacles must not change the maps of other tests.
         super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
         self.conductors, self.solids = (), ()
         self.works = self.scans = True
@@ -109,7 +109,7 @@ def desk(flight):
 
 
 def ahead(desk, by_m=6.0):
-    """A place on the path ahead, so far from the aircraft."""
+    """A place on the path ahead, `by_m` from the aircraft."""
     x_m, _, z_m = desk.place_m
     points_m = desk.ahead_m
     far_m = np.hypot(*(points_m - (x_m, z_m)).T)
@@ -136,7 +136,7 @@ def test_a_conductor_in_the_path_moves_the_path_before_the_aircraft_comes_to_it(
     assert least_m > kept_m - 0.3
 
 
-def test_an_obstacle_just_ahead_is_braked_for_and_left_by_another_path(desk):
+def test_the_aircraft_brakes_for_an_obstacle_just_ahead_and_takes_another_path(desk):
     x_m, z_m = ahead(desk, 1.0)
     desk.solids = (
         Polygon(
@@ -153,7 +153,7 @@ def test_an_obstacle_just_ahead_is_braked_for_and_left_by_another_path(desk):
     assert desk.place_m[0] < x_m - 1.0
 
 
-def test_where_no_plan_leads_round_it_holds_and_goes_on_when_the_obstacle_is_gone(desk):
+def test_without_a_path_round_an_obstacle_the_mission_holds_until_the_obstacle_is_gone(desk):
     desk.solids = (WALL,)
     desk.run(3.0)
     assert desk.state == "holding"
@@ -193,7 +193,7 @@ def test_without_data_of_the_sensor_no_inspection_begins():
     assert any("no data of the lidar" in text for text in desk.texts())
 
 
-def test_a_conductor_beside_its_place_is_told_and_both_places_are_avoided(desk):
+def test_a_conductor_beside_its_place_in_the_file_is_reported_and_both_places_are_avoided(desk):
     name = "left-middle"
     (known,) = (item for item in desk.site.obstacles if item.name == name)
     x_m, z_m = known.position_m
@@ -207,7 +207,7 @@ def test_a_conductor_beside_its_place_is_told_and_both_places_are_avoided(desk):
     assert seen.keep_out_m == known.keep_out_m
 
 
-def test_a_conductor_in_its_place_changes_nothing(desk):
+def test_a_conductor_at_its_place_in_the_file_changes_nothing(desk):
     conductors = [item for item in desk.site.obstacles if item.name.startswith("left")]
     desk.conductors = tuple(
         conductor(item.position_m[0] + 0.1, item.position_m[1] - 0.1, f"seen-{number}")
@@ -217,7 +217,7 @@ def test_a_conductor_in_its_place_changes_nothing(desk):
     assert desk.map_jobs == []
 
 
-def test_a_conductor_in_no_file_is_told_once(desk):
+def test_a_conductor_in_no_file_is_reported_once(desk):
     desk.conductors = (conductor(3.0, 14.5),)
     desk.run(2.0)
     assert desk.texts().count("MOAR: wire 1 at x 3.0, z 14.5, avoided") == 1
@@ -230,7 +230,7 @@ def test_a_conductor_in_no_file_is_told_once(desk):
     assert len(desk.map_jobs) == 2
 
 
-def test_each_of_several_conductors_seen_at_once_is_told(desk):
+def test_each_of_several_conductors_seen_at_once_is_reported(desk):
     desk.conductors = tuple(conductor(2.0 + n, 14.0, f"seen-{n}") for n in range(1, 5))
     desk.run(0.5)
     assert sum("MOAR: wire" in text for text in desk.texts()) == 4
@@ -249,7 +249,7 @@ def test_a_target_in_a_seen_keep_out_is_moved_and_still_looked_at():
     assert math.dist((end_x_m, end_z_m), (x_m + 0.6, z_m)) > kept_m - 0.2
 
 
-def test_what_is_seen_and_not_on_the_maps_holds_and_is_not_told_as_avoided(desk):
+def test_a_seen_obstacle_that_is_not_on_the_maps_holds_and_is_not_reported_as_avoided(desk):
     desk.maps_made = False
     desk.conductors = (conductor(3.0, 14.5),)
     desk.run(2.0)
@@ -284,7 +284,7 @@ def test_an_obstacle_whose_removal_failed_is_removed_later(desk):
     assert "seen-1" not in names
 
 
-def test_a_sensor_that_starts_anew_takes_nothing_from_the_maps_until_landing(desk):
+def test_a_sensor_restart_removes_nothing_from_the_maps_until_landing(desk):
     def seen():
         site = desk.companion._executor.routes.limits.site_maps.site
         return sum(item.name.startswith("seen") for item in site.obstacles)
@@ -302,7 +302,7 @@ def test_a_sensor_that_starts_anew_takes_nothing_from_the_maps_until_landing(des
     assert seen() == 0
 
 
-def test_a_conductor_at_the_limit_of_its_place_makes_no_maps_again_and_again(desk):
+def test_a_conductor_at_the_tolerance_of_its_place_does_not_rebuild_the_maps_repeatedly(desk):
     (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")
     x_m, z_m = known.position_m
     for number in range(40):
@@ -311,13 +311,15 @@ def test_a_conductor_at_the_limit_of_its_place_makes_no_maps_again_and_again(des
     assert len(desk.map_jobs) == 1
 
 
-def test_two_conductors_near_one_of_the_file_are_told_once_each(desk):
+def test_two_conductors_near_one_of_the_file_are_reported_once_each(desk):
     (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")
     x_m, z_m = known.position_m
     desk.conductors = (conductor(x_m + 0.8, z_m), conductor(x_m - 1.2, z_m, "seen-2"))
     desk.run(3.0)
-    told = [item for item in desk.decisions if item.kind == "text" and "off the file" in str(item)]
-    assert len(told) == 2
+    reported = [
+        item for item in desk.decisions if item.kind == "text" and "off the file" in str(item)
+    ]
+    assert len(reported) == 2
 
 
 def test_poses_are_noted_each_at_its_own_time():
@@ -345,7 +347,7 @@ def test_a_jump_of_the_estimate_is_noted_with_each_later_position():
 
 
 @pytest.mark.parametrize("sensor", list(Sensor))
-def test_distances_of_obstacles_are_noted_where_they_are_the_sensor(sensor):
+def test_obstacle_distances_are_noted_only_when_they_are_the_configured_sensor(sensor):
     desk = Desk(perception=Perception(sensor=sensor, metadata=Path("lidar.json")))
     desk.run(1.0)
     desk.companion.pose_notes()
@@ -374,7 +376,7 @@ def test_reports_without_a_site_change_nothing():
     assert desk.map_jobs == []
 
 
-def test_the_status_has_what_is_seen(desk):
+def test_the_status_has_the_seen_obstacles(desk):
     desk.conductors = (conductor(3.0, 14.5),)
     desk.solids = (WALL,)
     desk.run(0.2)
@@ -407,18 +409,18 @@ def copied(flight):
 
 
 LONG_S = 12.0
-"""In this it would have flown past what is seen on its leg."""
+"""Time in which the aircraft would have passed the obstacle on its leg."""
 
 
 @pytest.mark.parametrize("by_m", [2.0, 5.0])
-def test_a_landing_leg_is_not_flown_through_what_is_seen_on_it(on_leg, by_m):
+def test_a_landing_leg_is_not_flown_through_an_obstacle_seen_on_it(on_leg, by_m):
     desk = copied(on_leg)
     x_m, z_m = ahead(desk, by_m)
     desk.conductors = (conductor(x_m, z_m),)
     assert nearest_m(desk, (x_m, z_m), LONG_S) > desk.vehicle.radius_m + 0.3
 
 
-def test_a_leg_on_which_it_was_held_is_not_resumed_through_what_was_seen_meanwhile(on_leg):
+def test_a_held_landing_leg_is_not_resumed_through_an_obstacle_seen_meanwhile(on_leg):
     desk = copied(on_leg)
     x_m, z_m = ahead(desk, 4.0)
     desk.handle(desk.operator.command(PAUSE_CONTINUE, 0))
@@ -443,14 +445,14 @@ def test_a_second_wall_after_an_exit_over_the_first_holds_again(desk):
     assert any("no path round seen-solid-2" in text for text in desk.texts())
 
 
-def test_a_planner_that_is_silent_does_not_let_it_fly_on_into_what_is_seen(desk):
+def test_a_silent_planner_does_not_let_the_aircraft_fly_into_a_seen_obstacle(desk):
     desk.plan_delay_s = None
     x_m, z_m = ahead(desk, 3.0)
     desk.conductors = (conductor(x_m, z_m),)
     assert nearest_m(desk, (x_m, z_m), 10.0) >= desk.vehicle.radius_m + SETTINGS.keep_out_m + 0.02
 
 
-def test_what_was_seen_far_away_and_has_gone_lets_nothing_nearer_to_the_file(desk):
+def test_a_seen_conductor_that_is_gone_permits_no_setpoint_nearer_to_the_file_conductor(desk):
     limits = desk.companion._executor.routes.limits
 
     def passable_m():

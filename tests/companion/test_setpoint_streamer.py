@@ -1,4 +1,4 @@
-"""The stream: what it is handed and must not send, it does not, and the flight is held instead."""
+"""The stream: a forbidden setpoint is not sent, and the mission holds."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def hurried(setpoint):
         (hurried, "setpoint at 1.4 m/s > 1.1"),
     ],
 )
-def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(
+def test_a_setpoint_with_a_forbidden_motion_is_replaced_by_the_previous_one_at_rest(
     wrong, reason, monkeypatch
 ):
     desk = Desk().come_to("flying", then_s=5.0)
@@ -64,8 +64,8 @@ def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(
     assert desk.state == "flying"
 
 
-def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_frame(monkeypatch):
-    """In the site's frame the setpoint goes on as it should."""
+def test_a_frame_shift_without_a_jump_moves_no_setpoint_in_the_autopilots_frame(monkeypatch):
+    """In the site's frame the setpoint moves correctly."""
     desk = Desk().come_to("flying", then_s=5.0)
     began = desk.now_s
     monkeypatch.setattr(MissionExecutor, "shift", lambda *_: None)
@@ -78,7 +78,7 @@ def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_fra
     assert max(math.dist(*pair) for pair in itertools.pairwise(places)) < 0.05
 
 
-def test_a_flight_that_is_stopped_seeks_its_escape_route_from_where_it_stands(monkeypatch):
+def test_a_stopped_flight_searches_its_escape_route_from_its_place(monkeypatch):
     desk = Desk().come_to("flying", then_s=3.0).set(plan_delay_s=None, battery_percent=15)
     desk.run_until_sought("exit")
     of_now = PathFollower.setpoint
@@ -90,7 +90,7 @@ def test_a_flight_that_is_stopped_seeks_its_escape_route_from_where_it_stands(mo
 
 
 class Anywhere:
-    """A flight that lets a setpoint be anywhere, or nowhere: `reason`."""
+    """A flight that permits every setpoint, or refuses every one with `reason`."""
 
     blown_to_m, reason, seen_late = None, None, False
     path = SimpleNamespace(
@@ -105,7 +105,7 @@ class Anywhere:
 
 
 class Sent:
-    """A session that keeps the places of the setpoints that are handed to it."""
+    """A session that stores the places of its setpoints."""
 
     def __init__(self):
         self.places_ned_m = []
@@ -115,8 +115,8 @@ class Sent:
 
 
 @pytest.mark.parametrize(("ends", "sent"), [(False, 2), (True, 1)])
-def test_what_a_jump_allows_a_setpoint_at_rest_ends_with_the_stream(ends, sent):
-    """A place outside what may be flown, to which no jump has taken this flight."""
+def test_the_exception_for_a_setpoint_at_rest_after_a_jump_ends_with_the_stream(ends, sent):
+    """A place outside the workspace, not caused by a jump in this flight."""
     planner, session, flight = usual_planner(), Sent(), Anywhere()
     frame = planner.site.frame
     plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), autopilots.PX4)

@@ -1,4 +1,4 @@
-"""Texts about refused packets: at once, seldom, and short enough for a pilot."""
+"""Texts about refused packets: immediate, rate-limited, short enough for a pilot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def refused(**counts):
     return {reason: counts.get(reason.name.lower(), 0) for reason in SigningRefusal}
 
 
-def test_the_first_is_told_at_once_and_the_next_after_half_a_minute():
+def test_the_first_refusal_is_reported_at_once_and_the_next_after_half_a_minute():
     refusals = SigningReport()
     assert refusals.texts({"a": refused()}, NOBODY, 0.0) == []
     assert refusals.texts({"a": refused(unsigned=1)}, NOBODY, 1.0) == ["1 packet refused: unsigned"]
@@ -33,7 +33,7 @@ def test_the_first_is_told_at_once_and_the_next_after_half_a_minute():
     assert refusals.texts({"a": refused(unsigned=501)}, NOBODY, 90.0) == []
 
 
-def test_each_reason_is_told_by_itself_over_all_links():
+def test_each_reason_is_reported_separately_summed_over_all_links():
     found = {"a": refused(wrong=2, old=1), "b": refused(wrong=3)}
     assert SigningReport().texts(found, NOBODY, 1.0) == [
         "5 packets refused: wrong signature",
@@ -41,13 +41,13 @@ def test_each_reason_is_told_by_itself_over_all_links():
     ]
 
 
-def test_they_fit_into_one_text():
+def test_all_refusal_reports_fit_into_one_text():
     found = {"a": refused(unsigned=999_999_999, wrong=999_999_999, old=999_999_999)}
     for words in SigningReport().texts(found, NOBODY, 1.0):
         assert words in pilot_text(words)
 
 
-def test_a_signer_whose_clock_is_behind_is_named_with_how_far_that_is():
+def test_a_signer_whose_clock_is_behind_is_named_with_the_time_difference():
     behind_s = {"a": {1: 119.7, 255: 61.0}, "b": {}}
     (words,) = SigningReport().texts({"a": refused(old=12)}, behind_s, 1.0)
     assert words == "system 1 signs 120 s behind (12 packets refused: old or replayed)"
@@ -62,14 +62,14 @@ def test_a_signer_whose_clock_is_behind_is_named_with_how_far_that_is():
         (26_800 * 86400.0, "MOAR: signing.json 26800 d ahead of the clock"),
     ],
 )
-def test_a_time_that_was_kept_ahead_of_the_clock_is_told_with_the_remedy(ahead_s, told):
+def test_a_stored_time_ahead_of_the_clock_is_reported_with_the_remedy(ahead_s, told):
     behind_s = {"a": {1: 120.0}}
     (words,) = SigningReport().texts({"a": refused(old=12)}, behind_s, 1.0, ahead_s=ahead_s)
     assert "where it is right delete signing.json, and restart; system 1 signs" in words
     assert pilot_text(words) == told
 
 
-def test_a_clock_that_was_ahead_for_a_moment_is_told_when_senders_are_refused_for_it():
+def test_a_clock_that_was_briefly_ahead_is_reported_when_senders_are_refused_for_it():
     wall_s, day_s = 1_800_000_000.0, 86400.0
     config = CompanionConfig(vehicle=shipped_configs(), links=(LinkConfig(url=LINK, signed=True),))
     vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")

@@ -31,7 +31,7 @@ def counted(received_s, packets, lost=0):
     return LinkStatistics(received_s=received_s, packets_received=packets, packets_lost=lost)
 
 
-def test_before_anything_is_heard_everything_is_null_and_the_risks_are_not_known():
+def test_before_anything_is_received_all_values_are_null_and_the_risks_unknown():
     status = status_of(Desk())
     assert status["autopilot"] is status["path"] is status["plan"] is status["link"] is None
     assert status["mission"] == dict.fromkeys(
@@ -44,7 +44,7 @@ def test_before_anything_is_heard_everything_is_null_and_the_risks_are_not_known
     assert status["time_s"] == 1050.0
 
 
-def test_what_signed_links_have_refused_is_counted_before_any_autopilot_is_heard():
+def test_refusals_of_signed_links_are_counted_before_any_autopilot_is_received():
     config = CompanionConfig(
         vehicle=shipped_configs(),
         links=(LinkConfig(url="a", signed=True), LinkConfig(url="b")),
@@ -60,7 +60,7 @@ def test_what_signed_links_have_refused_is_counted_before_any_autopilot_is_heard
     assert status["autopilot"] is None
 
 
-def test_in_flight_it_says_where_the_aircraft_is_and_what_is_flown():
+def test_in_flight_the_status_has_the_position_and_the_flown_mission():
     desk = Desk().come_to("flying", then_s=0.5)
     status = status_of(desk)
     assert status["autopilot"]["kind"] == "px4"
@@ -88,7 +88,7 @@ def test_the_setpoint_of_the_status_is_the_one_that_was_sent():
     assert math.dist(ned_m, desk.position_ned_m) == pytest.approx(path["error_m"], abs=0.1)
 
 
-def test_what_is_left_of_the_path_shrinks_to_nothing_at_the_target_as_fast_as_it_says():
+def test_the_remaining_path_shrinks_to_zero_at_the_target_at_the_reported_speed():
     desk = Desk().come_to("flying", then_s=0.5)
     left = status_of(desk)["path"]
     began_s = desk.now_s
@@ -122,7 +122,7 @@ def test_a_pilot_who_takes_over_ends_the_path():
     assert status["path"] is None
 
 
-def test_the_last_plan_is_the_one_flown_with_what_it_was_made_for():
+def test_the_last_plan_is_the_one_flown_with_its_request():
     desk, latest = Desk().come_to("flying", then_s=3.0), LatestDecisions()
     plan = status_of(desk, latest)["plan"]
     assert (plan["status"], plan["mission"]) == ("found", "inspection")
@@ -136,7 +136,7 @@ def test_the_last_plan_is_the_one_flown_with_what_it_was_made_for():
     assert plan["age_s"] <= 1.0
 
 
-def test_a_plan_made_anew_has_the_reason_it_was_asked_for():
+def test_a_new_plan_has_the_reason_of_its_request():
     latest = LatestDecisions()
     plan = Desk().come_to("flying").decided("plan")[-1]
     why = plan["explanation"] | {"reason": "wind risk 0.10 -> 0.32"}
@@ -164,7 +164,7 @@ def test_an_index_names_its_inputs_and_the_one_that_decides():
     assert unheard["value"] is unheard["age_s"] is unheard["risk"] is None
 
 
-def test_the_rate_of_packets_is_counted_over_a_second_and_anew_when_counts_go_back():
+def test_the_packet_rate_is_counted_over_a_second_and_restarts_when_counts_go_back():
     desk, latest = Desk().run(1.2), LatestDecisions()
 
     def rate_hz(link):
@@ -188,7 +188,7 @@ def test_ages_grow_while_a_source_is_silent():
     assert ages["radio"] is None
 
 
-def test_the_text_is_the_last_one_that_people_were_told():
+def test_the_text_of_the_status_is_the_last_one_sent_to_operators():
     desk = Desk().run(1.2)
     desk.companion._reports.send_text(Severity.NOTICE, "first", desk.now_s)
     desk.companion._reports.send_text(Severity.WARNING, "second", desk.now_s)

@@ -1,4 +1,4 @@
-"""Senders who may not command, and floods of commands, against the whole companion."""
+"""Unauthorised senders and floods of commands, with the whole companion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def texts_on(desk, link):
 
 
 @pytest.mark.parametrize("mission", [INSPECTION, RELEASE])
-def test_a_stranger_is_denied_and_told_why_on_its_own_link_alone(mission):
+def test_a_stranger_is_denied_with_the_reason_on_its_own_link_alone(mission):
     desk, stranger = hovering(), Peer(42, 1)
     desk.handle(stranger.command(USER_1, mission, -1.0), OPERATOR_LINK).run(0.5)
     assert answers(desk) == [(OPERATOR_LINK, (42, 1), USER_1, DENIED)]
@@ -37,7 +37,7 @@ def test_a_stranger_is_denied_and_told_why_on_its_own_link_alone(mission):
 
 
 @pytest.mark.parametrize("words", [(USER_1, HOLD), (PAUSE_CONTINUE, 0)])
-def test_anybody_can_stop_the_aircraft_in_flight_but_not_send_it_on(words):
+def test_any_sender_can_stop_the_aircraft_in_flight_but_not_resume_the_flight(words):
     desk, stranger = Desk(commands=Commands(systems=(255,))).come_to("flying"), Peer(42, 1)
     desk.run(2.0).handle(stranger.command(*words)).run(1.0)
     assert desk.state == "holding"
@@ -52,7 +52,7 @@ def test_anybody_can_stop_the_aircraft_in_flight_but_not_send_it_on(words):
 
 
 @pytest.mark.slow
-def test_a_strangers_hold_ends_no_escape_route_of_the_supervisors():
+def test_a_strangers_hold_does_not_end_the_supervisors_escape_route():
     desk, stranger = Desk().come_to("flying"), Peer(42, 1)
     desk.run(2.0).set(battery_percent=12).run_until_sought("exit")
     desk.run(2.0)
@@ -60,11 +60,11 @@ def test_a_strangers_hold_ends_no_escape_route_of_the_supervisors():
     desk.handle(stranger.command(USER_1, HOLD)).run(2.0)
     assert desk.companion.status.task.mission.value == "exit"
     assert desk.state == "flying"
-    desk.order(HOLD).run(2.0)  # an operator, who knows of the battery
+    desk.order(HOLD).run(2.0)  # an operator who has received the text on the battery
     assert desk.state == "holding"
 
 
-def test_an_order_that_the_site_denies_is_told_on_its_senders_link_alone():
+def test_an_order_that_the_site_denies_is_reported_on_its_senders_link_alone():
     desk = hovering()
     desk.handle(desk.operator.command(USER_1, INSPECTION, 99.0), OPERATOR_LINK).run(0.5)
     assert results(desk) == [DENIED]
@@ -73,7 +73,7 @@ def test_an_order_that_the_site_denies_is_told_on_its_senders_link_alone():
 
 
 def bytes_per_second(words=None, seconds=3.0):
-    """Sent packets on each link while an operator's link has 200 commands a second."""
+    """Sent bytes per second on each link while an operator sends 200 commands a second."""
     desk, number = Desk(links=LINKS).run(3.0), 0
     counted = {LINK: 0, OPERATOR_LINK: 0}
     send = desk.companion.data_to_send
@@ -105,7 +105,7 @@ def bytes_per_second(words=None, seconds=3.0):
 def test_two_hundred_bad_commands_a_second_cost_the_autopilots_link_nothing(words):
     flooded, usual = bytes_per_second(words), bytes_per_second()
     assert flooded[LINK] == usual[LINK]
-    assert flooded[OPERATOR_LINK] < usual[OPERATOR_LINK] + 2500.0  # the burst; then 700
+    assert flooded[OPERATOR_LINK] < usual[OPERATOR_LINK] + 2500.0  # a burst first, then 700
 
 
 @pytest.mark.parametrize("senders", [1, 4000])

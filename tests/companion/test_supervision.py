@@ -1,4 +1,4 @@
-"""Ends of the stream; nothing but a new command begins it again."""
+"""Ends of the stream; only a new command starts it again."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from .desk import (
 
 
 @pytest.mark.parametrize("vehicle_type", [1, 20])
-def test_a_plane_is_told_no_mission(vehicle_type):
-    """It would not hold a setpoint that stands still."""
+def test_a_mission_for_a_vehicle_that_is_no_multirotor_is_rejected(vehicle_type):
+    """Such a vehicle cannot hold a setpoint at rest."""
     desk = Desk()
     desk.vehicle_type = vehicle_type
     desk.run(1.2).order(INSPECTION).run(1.0)
@@ -52,7 +52,7 @@ def test_the_first_thing_ever_sent_is_a_heartbeat():
         assert (beat.get_srcSystem(), beat.get_srcComponent()) == (1, 195)
 
 
-def test_its_heartbeat_says_active_while_it_streams_and_standby_otherwise():
+def test_the_heartbeat_is_active_while_the_companion_streams_and_standby_otherwise():
     desk = Desk().run(2.0)
     assert desk.messages("HEARTBEAT")[-1].system_status == 3
     desk.order(INSPECTION).run(2.0)
@@ -75,7 +75,7 @@ def test_its_heartbeat_says_active_while_it_streams_and_standby_otherwise():
         ),
     ],
 )
-def test_what_is_stale_ends_the_stream_and_its_return_begins_nothing(
+def test_stale_telemetry_ends_the_stream_and_its_return_starts_nothing(
     state, case, mute, limit_s, words
 ):
     desk = Desk()
@@ -113,14 +113,14 @@ def test_a_position_gap_shorter_than_the_limit_is_flown_through():
     assert desk.state == "flying"
 
 
-def test_the_pilots_mode_is_obeyed_at_once():
+def test_a_mode_change_by_the_pilot_ends_the_stream_at_once():
     desk = Desk().come_to("flying", then_s=3.0)
     desk.say_heartbeat(POSCTL)
     took = desk.now_s
     desk.run(4.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
-    desk.say_heartbeat(OFFBOARD).run(4.0)  # given back: not without a new command
+    desk.say_heartbeat(OFFBOARD).run(4.0)  # mode given back: a new command is needed
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
     desk.order(EVACUATION).run(1.0)
@@ -128,7 +128,7 @@ def test_the_pilots_mode_is_obeyed_at_once():
     assert desk.setpoints(took)
 
 
-def test_with_resume_the_mode_given_back_is_flown_from_where_the_aircraft_is():
+def test_with_resume_the_flight_continues_from_the_aircrafts_place_when_the_mode_returns():
     desk = Desk(resume=True).come_to("flying", then_s=5.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     north, east, down = desk.position_ned_m
@@ -144,7 +144,7 @@ def test_with_resume_the_mode_given_back_is_flown_from_where_the_aircraft_is():
 
 
 @pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
-def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
+def test_an_autopilot_failsafe_ends_the_stream_and_its_end_restarts_nothing(state):
     desk = Desk().come_to(state)
     desk.say_heartbeat(AUTO_HOLD, CRITICAL)
     began = desk.now_s
@@ -157,7 +157,7 @@ def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
     assert not desk.setpoints(began)
 
 
-def test_a_failsafe_heard_in_the_instant_of_the_plan_streams_nothing():
+def test_a_failsafe_received_in_the_cycle_of_the_plan_streams_nothing():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
     desk.say_heartbeat(AUTO_HOLD, CRITICAL).answer_plan()
     desk.system_status = CRITICAL
@@ -169,7 +169,7 @@ def test_a_failsafe_heard_in_the_instant_of_the_plan_streams_nothing():
 def test_an_autopilot_restart_releases():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.run_to_position().boot_s = 1.0
-    desk.run(0.36)  # until the new clock has run on
+    desk.run(0.36)  # until the new clock has advanced
     began = desk.now_s
     assert desk.state == "released"
     assert desk.said("the autopilot restarted")
@@ -195,12 +195,12 @@ def test_a_second_autopilot_in_flight_ends_the_stream():
     began = desk.now_s
     desk.handle(Peer(2, 1).heartbeat()).run(2.0)
     assert desk.state == "released"
-    last = desk.setpoints(began)  # to the one that was flown, to stand
+    last = desk.setpoints(began)  # a setpoint at rest, to the flown autopilot
     assert {(m.target_system, m.vx, m.vy, m.vz) for m in last} == {(1, 0.0, 0.0, 0.0)}
     assert not desk.setpoints(began + 0.1)
 
 
-def test_a_ground_station_and_a_camera_are_no_autopilots():
+def test_a_ground_station_and_a_camera_do_not_count_as_autopilots():
     desk = Desk().come_to("flying")
     for system, component, kind in ((255, 190, 6), (1, 100, 30), (1, 195, 18)):
         peer = Peer(system, component)
@@ -216,7 +216,7 @@ def test_the_hold_is_offered_for_thirty_seconds():
     assert desk.state == "ready"
     assert len(desk.setpoints(began)) == pytest.approx(29.5 * 50, abs=2)
     assert {(m.vx, m.vy, m.vz) for m in desk.setpoints(began)} == {(0.0, 0.0, 0.0)}
-    desk.run(1.6)  # by the next heartbeat, which says the mode
+    desk.run(1.6)  # until the next heartbeat, which has the mode
     assert desk.state == "idle"
     ended = desk.now_s
     desk.run(5.0)
@@ -224,7 +224,7 @@ def test_the_hold_is_offered_for_thirty_seconds():
     assert desk.said("the mode was not given")
 
 
-def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_heard():
+def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_received():
     desk = Desk().come_to("ready")
     began = desk.now_s
     desk.run(29.0).run_to_heartbeat()
@@ -237,7 +237,7 @@ def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_heard():
 
 
 def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
-    """Given OFFBOARD then, the aircraft would be drawn back to where the hold was."""
+    """With OFFBOARD then, the aircraft would fly back to the hold."""
     desk = Desk().come_to("ready")
     desk.drift(0.0, 1.0, 0.0).run(1.0)
     assert desk.state == "ready"
@@ -249,7 +249,7 @@ def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
     assert desk.said("the aircraft has left its place")
 
 
-def test_too_far_from_the_plane_nothing_is_begun():
+def test_too_far_from_the_plane_an_order_is_rejected():
     desk = Desk()
     desk.position_ned_m = (3.0, 0.0, -3.0)  # the plane runs east
     desk.run(1.2).order(INSPECTION).run(0.5)
@@ -257,7 +257,7 @@ def test_too_far_from_the_plane_nothing_is_begun():
     assert desk.said("3.0 m N of plane > 2, rejected")
 
 
-def test_a_little_beside_the_plane_is_flown_from_there_into_it():
+def test_an_aircraft_slightly_beside_the_plane_flies_from_there_into_the_plane():
     desk = Desk()
     desk.position_ned_m = (1.5, 0.0, -3.0)
     desk.come_to("flying")
@@ -313,7 +313,7 @@ def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
 
 
 @pytest.mark.parametrize("mission", [INSPECTION, EVACUATION])
-def test_a_mode_that_is_left_and_given_back_between_two_cycles_ends_our_control(mission):
+def test_a_mode_that_is_left_and_returns_between_two_cycles_ends_control(mission):
     desk = Desk().come_to("flying", mission, then_s=4.0)
     left = desk.now_s
     desk.say_heartbeat(POSCTL).say_heartbeat(OFFBOARD).run(2.0)
@@ -334,7 +334,7 @@ def test_nothing_is_resumed_after_the_autopilots_restart_in_the_air():
     assert not desk.setpoints(restarted)
 
 
-def test_what_was_held_is_not_resumed():
+def test_a_held_mission_is_not_resumed_after_a_takeover():
     desk = Desk(resume=True).come_to("flying", then_s=4.0).pause().run(2.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     took = desk.now_s
@@ -343,7 +343,7 @@ def test_what_was_held_is_not_resumed():
     assert not desk.setpoints(took)
 
 
-def test_what_is_done_is_not_resumed():
+def test_a_completed_mission_is_not_resumed_after_a_takeover():
     desk = Desk(resume=True).come_to("holding")
     desk.say_heartbeat(POSCTL).run(2.0).say_heartbeat(OFFBOARD).run(5.0)
     assert desk.state == "overridden"
@@ -357,7 +357,7 @@ def test_a_failsafe_while_the_pilot_flies_releases():
 
 @flown_once
 def at_the_end(behind_m):
-    """At the end of its way to a target, the aircraft so far from it."""
+    """At the end of the path to a target, with the aircraft `behind_m` away from it."""
     desk = Desk().come_to("flying")
     desk.fall_behind(0.0, behind_m, 0.0)
     while not desk.companion._executor.routes.flight.arrived:
@@ -365,21 +365,21 @@ def at_the_end(behind_m):
     return desk
 
 
-def test_it_arrives_only_when_the_aircraft_does():
+def test_the_target_is_reached_only_when_the_aircraft_reaches_it():
     desk = at_the_end(0.8).run(2.0)
     assert desk.state == "flying"
     desk.fall_behind(0.0, 0.3, 0.0)
     assert desk.state == "at_target"
 
 
-def test_it_arrives_all_the_same_where_the_aircraft_stays_a_little_off():
+def test_the_target_is_reached_when_the_aircraft_stays_slightly_beside_its_setpoint():
     desk = at_the_end(0.8).run(4.9)
     assert desk.state == "flying"
     desk.run(0.2)
     assert desk.state == "at_target"
 
 
-def test_not_where_it_stays_farther_off_than_it_is_held():
+def test_the_target_is_not_reached_when_the_aircraft_stays_far_from_its_setpoint():
     desk = at_the_end(0.8).fall_behind(0.0, 1.6, 0.0).run(20.0)
     assert not desk.said("MOAR: at target")
     assert desk.said("MOAR: no progress, 1.6 m from setpoint")
@@ -395,7 +395,7 @@ def test_the_nose_does_not_turn_before_the_aircraft_follows():
     assert max(map(abs, turned)) <= desk.vehicle.guidance.yaw_rate_radps * 0.02 + 1e-6
 
 
-def test_a_shorter_limit_is_kept_too():
+def test_a_shorter_position_timeout_is_kept():
     desk = Desk(supervision=Supervision(position_timeout_s=0.2)).come_to("flying")
     desk.mute = {"LOCAL_POSITION_NED"}
     desk.run(0.3)
@@ -446,7 +446,7 @@ def test_shutting_down_with_old_data_sends_no_last_setpoint():
     assert not desk.setpoints(began)
 
 
-def test_the_last_setpoint_is_where_the_one_before_was_wherever_the_aircraft_is():
+def test_the_last_setpoint_is_at_the_previous_one_wherever_the_aircraft_is():
     desk = Desk().come_to("flying", then_s=3.0)
     desk.fall_behind(0.0, 0.4, 0.0)
     before = desk.setpoints()[-1]
@@ -457,10 +457,10 @@ def test_the_last_setpoint_is_where_the_one_before_was_wherever_the_aircraft_is(
 
 
 @pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
-def test_after_a_pause_of_the_shell_nothing_is_sent_any_more(state):
+def test_after_a_pause_of_the_shell_no_setpoint_is_sent(state):
     desk = Desk().come_to(state)
     began = desk.now_s
-    desk.step(1.5)  # what was in the sockets meanwhile is old, and looks new
+    desk.step(1.5)  # data that waited in the sockets is old, but looks new
     desk.run(5.0)
     assert desk.state == "released"
     assert desk.said("control loop stalled 1.5 s")
@@ -470,7 +470,7 @@ def test_after_a_pause_of_the_shell_nothing_is_sent_any_more(state):
 def test_a_late_shell_does_not_make_the_setpoint_jump():
     desk = Desk().come_to("flying", then_s=4.0)
     before = desk.setpoints()[-1]
-    desk.now_s += 0.4  # the process was held up
+    desk.now_s += 0.4  # the process was delayed
     desk.step()
     after = desk.setpoints()[-1]
     moved = math.dist((before.x, before.y, before.z), (after.x, after.y, after.z))
@@ -490,7 +490,7 @@ def test_a_heading_that_is_no_number_is_held_and_never_sent():
 
 
 def test_conditions_that_begin_or_end_together_are_recorded_in_the_order_of_the_ruling():
-    """The same in each process, whatever its strings hash to."""
+    """The order is the same in each process, whatever the hashes of strings."""
     desk = Desk()
     desk.companion.tick(desk.now_s)
     acting = [item.condition.name for item in desk.companion.ruling.conditions]

@@ -1,4 +1,4 @@
-"""Texts for pilots: one chunk each, with value, limit and action, whatever is told or named."""
+"""Texts for pilots: one chunk each, with value, limit and action, for all reasons and names."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_a_value_above_its_limit_is_told_with_so_many_digits_that_both_differ(va
     assert_is_for_pilots(pilot_text(words, "holding"))
 
 
-def test_values_are_told_as_they_are_read():
+def test_values_are_reported_with_as_many_digits_as_a_pilot_reads():
     assert exceeds("localization risk", 0.93, 0.9, "") == "localization risk 0.93 > 0.9"
     assert exceeds("moving at", 1.04, 1.0, "m/s") == "moving at 1.04 m/s > 1"
     assert exceeds("no new plan for", 12.001, 12.0, "s") == "no new plan for over 12 s"
@@ -95,7 +95,7 @@ def test_whatever_is_to_be_said_fits_into_one_chunk_with_what_is_done(reason, ac
 
 
 def extreme(value):
-    """Inputs where every measurement is this much beyond its limit."""
+    """Inputs in which every measurement is beyond its limit by this much."""
     late = PeerHeartbeat(received_s=NOW_S - value, system_id=255)
     place = (value, -value, -value)
     return [
@@ -114,7 +114,7 @@ def extreme(value):
     ]
 
 
-def test_every_condition_is_told_in_one_chunk_with_its_limit_and_action():
+def test_every_condition_is_reported_in_one_chunk_with_its_limit_and_action():
     limits = Supervision()
     seen = [row[1] for row in STORIES + OF_PLACE]
     seen += itertools.chain(*map(extreme, EXTREMES))
@@ -134,7 +134,7 @@ def test_every_condition_is_told_in_one_chunk_with_its_limit_and_action():
     assert received == {row.name for row in CONDITIONS}
 
 
-def test_what_a_dead_companion_would_lead_to_is_told_in_one_chunk():
+def test_the_effect_of_an_offboard_loss_is_reported_in_one_chunk():
     reach = usual_planner().maps.reach
     for action in range(9):
         loss = loss_of(autopilots.PX4, COM_OBL_RC_ACT=float(action), RTL_TYPE=1.0)
@@ -149,13 +149,13 @@ def test_what_a_dead_companion_would_lead_to_is_told_in_one_chunk():
 
 @pytest.mark.parametrize("state", MissionState)
 @pytest.mark.parametrize("mission", Mission)
-def test_every_state_is_told_without_machine_words(state, mission):
+def test_every_state_is_reported_without_machine_words(state, mission):
     stops = (LONG,) if mission is Mission.INSPECTION else ()
     for task in (None, Task(mission=mission, stops=stops)):
         assert_is_for_pilots(pilot_text(state_words(state, task)))
 
 
-def test_a_long_target_name_is_cut_and_not_what_is_said_of_it():
+def test_a_long_target_name_is_cut_and_the_rest_of_the_text_is_whole():
     assert pilot_text(f"at target {LONG}") == "MOAR: at target the-third-spli.."
     assert pilot_text(f"{LONG} too near obstacles", "denied") == (
         "MOAR: the-third-spli.. too near obstacles, denied"
@@ -167,7 +167,7 @@ def test_details_in_details_are_left_out_too():
     assert pilot_text(reason, "denied") == "MOAR: no free path, denied"
 
 
-def test_the_aircraft_is_told_which_side_of_the_plane_it_is_on_by_compass():
+def test_the_side_of_the_plane_is_reported_by_compass_direction():
     beside = replace(moves(position_m=(5.0, 22.3, 5.0)), azimuth_rad=math.pi / 2.0)
     words = causes(beside, Supervision(), 1.5, NOW_S).off_plane
     assert words == "22.3 m N of plane > 2"
@@ -175,7 +175,7 @@ def test_the_aircraft_is_told_which_side_of_the_plane_it_is_on_by_compass():
     assert causes(other, Supervision(), 1.5, NOW_S).off_plane == "22.3 m SW of plane > 2"
 
 
-def test_a_battery_of_another_number_of_cells_is_told_at_once_and_in_the_refusal():
+def test_a_battery_with_another_number_of_cells_is_reported_at_once_and_in_the_refusal():
     usual = usual_planner()
     vehicle = replace(usual.vehicle, risk=replace(usual.vehicle.risk, cells=12))
     desk = Desk(planner=Planner(usual.site, vehicle))
@@ -191,7 +191,7 @@ def test_a_battery_of_another_number_of_cells_is_told_at_once_and_in_the_refusal
     assert pilot_text(reason, "rejected") == "MOAR: battery 0: 16.0 V, not 12S, rejected"
 
 
-def test_a_mission_of_targets_with_long_names_is_told_in_single_chunks():
+def test_a_mission_of_targets_with_long_names_is_reported_in_single_chunks():
     usual = usual_planner()
     first, *others = usual.site.targets
     site = replace(usual.site, targets=(replace(first, name=LONG), *others))
@@ -211,7 +211,7 @@ def test_a_mission_of_targets_with_long_names_is_told_in_single_chunks():
     ("height_m", "words"),
     [(120.0, " m off workspace > 60, denied"), (2.6, None)],
 )
-def test_a_start_outside_is_told_of_the_aircraft(height_m, words):
+def test_a_start_outside_the_workspace_is_reported_with_the_aircrafts_position(height_m, words):
     desk = Desk(height_m=height_m)
     desk.run(1.0)
     desk.order(INSPECTION)

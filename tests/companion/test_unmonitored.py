@@ -1,4 +1,4 @@
-"""Missing measurements as told to an operator; an order overrides only what its operator knew."""
+"""Missing measurements in texts; an order overrides only conditions reported before it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def flown(desk):
 
 
 def act(desk, name, seconds=5.0):
-    """Until a condition acts."""
+    """Runs until a condition acts."""
     for _ in range(round(seconds / STEP_S)):
         if any(item.condition.name == name for item in desk.companion.ruling.conditions):
             return desk
@@ -39,22 +39,22 @@ def desk():
 
 
 @pytest.mark.parametrize("seconds", [STEP_S, 0.4])
-def test_a_hold_that_crosses_a_critical_battery_holds_until_it_is_led_out(desk, seconds):
+def test_a_hold_that_crosses_a_critical_battery_holds_until_the_evacuation_begins(desk, seconds):
     act(desk.set(charge_state=3), "battery_critical").run(seconds).pause().step()
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [ACCEPTED])
     desk.run(2.0)
     assert (desk.state, flown(desk)) == ("flying", Mission.EVACUATION)
-    desk.pause().run(4.0)  # now he knows
+    desk.pause().run(4.0)  # the operator has received the text
     assert desk.state == "holding"
 
 
-def test_a_hold_overrides_what_it_is_ordered_for(desk):
+def test_a_hold_overrides_the_condition_that_was_reported_before_it(desk):
     act(desk.set(charge_state=3), "battery_critical").run(0.6).pause().run(4.0)
     assert desk.state == "holding"
 
 
 @pytest.mark.parametrize("mission", [None, INSPECTION, EVACUATION])
-def test_a_flight_ordered_just_as_the_position_jumps_is_told_so_and_not_begun(desk, mission):
+def test_a_flight_ordered_just_as_the_position_jumps_is_rejected_with_the_reason(desk, mission):
     desk.pause().run(2.0).jump(0.0, -2.0, -4.0).set(reset_counter=1)
     act(desk, "position_jump").step()
     order = desk.order(mission) if mission else desk.go_on()
@@ -62,7 +62,7 @@ def test_a_flight_ordered_just_as_the_position_jumps_is_told_so_and_not_begun(de
     answers = desk.answers() if mission else desk.answers(PAUSE_CONTINUE)
     assert (desk.state, answers[-1]) == ("holding", TEMPORARILY_REJECTED)
     assert desk.said("the position jumped 4.5 m > 0.9, rejected")
-    desk.go_on().run(0.5)  # now he knows
+    desk.go_on().run(0.5)  # the operator has received the text
     assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("flying", ACCEPTED)
 
 
@@ -71,7 +71,7 @@ def test_the_escape_route_that_the_supervisor_has_just_begun_may_be_ordered_as_w
     assert (desk.answers()[-1], flown(desk)) == (ACCEPTED, Mission.EVACUATION)
 
 
-# What is told -----------------------------------------------------------------------------------
+# Texts ------------------------------------------------------------------------------------------
 
 
 TROUBLE = {
@@ -82,7 +82,7 @@ TROUBLE = {
 
 
 @pytest.mark.parametrize("trouble", TROUBLE)
-def test_what_begins_while_an_operator_holds_is_told_once(desk, trouble):
+def test_a_condition_that_begins_while_an_operator_holds_is_reported_once(desk, trouble):
     changes, words = TROUBLE[trouble]
     desk.pause().run(2.0).set(**changes)
     if trouble == "a jump":
@@ -92,25 +92,25 @@ def test_what_begins_while_an_operator_holds_is_told_once(desk, trouble):
     assert desk.texts().count(words) == 1
 
 
-def test_what_is_over_while_an_operator_holds_is_told_too(desk):
+def test_the_end_of_a_condition_while_an_operator_holds_is_reported(desk):
     desk.pause().run(2.0).set(wind_mps=21.4).run(5.0).set(wind_mps=2.0).run(8.0)
     assert desk.said("MOAR: wind reported 21.4 m/s > 15, over")
 
 
-def test_what_the_mission_does_about_it_tells_of_it(desk):
+def test_a_condition_that_holds_the_mission_is_reported_once_with_its_action(desk):
     desk.set(wind_mps=21.4).run_until("holding").run(2.0).set(wind_mps=2.0).run_until("flying", 9.0)
     assert [text for text in desk.texts() if "wind" in text] == [
         "MOAR: wind reported 21.4 m/s > 15, holding"
     ]
 
 
-def test_what_an_escape_route_goes_before_is_told(desk):
+def test_a_condition_that_an_escape_route_overrides_is_reported(desk):
     desk.set(battery_percent=15).run_until_sought("exit").run(1.0).set(wind_mps=21.4).run(5.0)
     assert (desk.state, flown(desk)) == ("landing_leg", Mission.EXIT)
     assert desk.said("MOAR: wind reported 21.4 m/s")
 
 
-def test_what_holds_on_is_not_told_as_over(desk):
+def test_a_condition_that_still_holds_is_not_reported_as_over(desk):
     desk.plan_delay_s = None
     desk.run_until("holding", 20.0).run(5.0)
     assert desk.said("MOAR: no new plan for")

@@ -1,4 +1,4 @@
-"""Blown off: what the setpoint does, and the way back, without an aircraft that flies."""
+"""Blown off by wind: motion of the setpoint and the recovery path, without a flying aircraft."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def within(min_altitude_m):
 
 
 class Silent:
-    """Reports that nobody reads."""
+    """Reports that are discarded."""
 
     def send_text(self, *_, **__):
         pass
@@ -60,7 +60,7 @@ def place_m(flight):
 
 
 def at_rest(flight, seconds=1.6):
-    """The aircraft stands at its setpoint for a while."""
+    """Keeps the aircraft at rest at its setpoint."""
     here = replace(pose(0.0, 0.0), position_m=place_m(flight))
     for _ in range(round(seconds / STEP_S)):
         flight.advance(here, STEP_S, holds=True)
@@ -90,14 +90,14 @@ def acting(name, *, overridden=False):
         ((acting("wind"),), False),
     ],
 )
-def test_it_comes_back_where_nothing_but_its_place_stands_against_it(fence, conditions, returns):
+def test_the_setpoint_returns_when_its_place_is_the_only_condition(fence, conditions, returns):
     flight, here = blown_off(fence)
     status = MissionStatus(state=MissionState.HOLDING)
     WindRecovery(Silent()).act(flight, here, status, Ruling(conditions=conditions), 0.0, 100.0)
     assert flight.returns is returns
 
 
-def test_the_way_back_leads_into_the_fence_and_the_gate_lets_it_pass():
+def test_the_recovery_path_enters_the_fence_and_the_gate_accepts_the_path():
     flight, here = blown_off(FENCE)
     assert flight.come_back(0.0)
     assert flight.path.leaves_fence() is None
@@ -109,7 +109,7 @@ def test_the_way_back_leads_into_the_fence_and_the_gate_lets_it_pass():
     assert FENCE.holds(np.array([place_m(flight)])[:, ::2]).all()
 
 
-def test_a_way_back_from_above_is_flown_no_faster_than_the_vehicle_descends():
+def test_a_recovery_path_from_above_is_flown_no_faster_than_the_vehicle_descends():
     over_m = usual_planner().site.workspace.upper_m[1] + 12.0
     flight = PathFollower(volume(), pose(RIGHT_M - 4.0, over_m))
     assert flight.come_back(0.0)
@@ -123,8 +123,10 @@ def test_a_way_back_from_above_is_flown_no_faster_than_the_vehicle_descends():
 
 @pytest.mark.parametrize("x_m", [RIGHT_M - 4.0, RIGHT_M + 8.0])
 @pytest.mark.parametrize(("blown_z_m", "carried_z_m"), [(4.5, 4.5), (3.0, 4.5), (6.0, 6.0)])
-def test_below_the_least_altitude_it_is_taken_along_no_lower(x_m, blown_z_m, carried_z_m):
-    """As from the end of a landing leg."""
+def test_below_the_least_altitude_the_setpoint_follows_the_aircraft_no_lower(
+    x_m, blown_z_m, carried_z_m
+):
+    """As at the end of a landing leg."""
     flight = PathFollower(within(5.0), pose(x_m, 4.5))
     flight.advance(pose(x_m + 4.0, blown_z_m, 3.0), STEP_S, holds=True)
     for step in range(200):
@@ -137,7 +139,7 @@ def test_below_the_least_altitude_it_is_taken_along_no_lower(x_m, blown_z_m, car
     assert flight.refusal(flight._setpoint(), 1.0, 0.0) is None
 
 
-def test_what_is_carried_from_above_the_least_altitude_is_refused_below_it():
+def test_a_setpoint_that_started_above_the_least_altitude_is_refused_below_it():
     flight = PathFollower(within(5.0), pose(RIGHT_M - 6.0, 8.0))
     flight.advance(pose(RIGHT_M + 8.0, 3.0, 3.0), STEP_S, holds=True)
     assert place_m(flight)[2] >= 5.0
@@ -158,8 +160,8 @@ def past_a_wire():
 @pytest.mark.parametrize(
     ("aircraft_x_m", "carried_x_m"), [(8.0, 5.0), (5.0, 4.25), (-10.0, -7.0), (-1.0, -0.25)]
 )
-def test_the_way_back_to_the_aircraft_passes_no_conductor(aircraft_x_m, carried_x_m):
-    """Blown past it by a little more or less than the leash of 3 m."""
+def test_the_recovery_path_passes_no_conductor(aircraft_x_m, carried_x_m):
+    """Blown past the conductor by slightly more or less than the leash of 3 m."""
     space = past_a_wire()
     from_x_m = 2.0 * WIRE_M[0] - aircraft_x_m
     place = space.carried_m((from_x_m, 0.0, 10.0), (aircraft_x_m, 0.0, 10.0), 3.0)
@@ -169,7 +171,7 @@ def test_the_way_back_to_the_aircraft_passes_no_conductor(aircraft_x_m, carried_
     assert (place[0] - WIRE_M[0]) * (aircraft_x_m - WIRE_M[0]) > 0.0
 
 
-def test_out_of_a_keep_out_it_is_carried_on_the_aircrafts_side_alone():
+def test_out_of_a_keep_out_the_setpoint_moves_only_on_the_aircrafts_side():
     space = past_a_wire()
     inside = (WIRE_M[0] + 0.9, 0.0, 10.0)
     assert space.carried_m((12.0, 0.0, 10.0), inside, 3.0) == pytest.approx((5.9, 0.0, 10.0))

@@ -16,7 +16,7 @@ STEP_S = 0.02
 
 
 class Aircraft:
-    """Both machines and the bytes between them. secret: with which all links are signed."""
+    """Autopilot and operator, and the bytes between them. secret: key of all signed links."""
 
     def __init__(self, options: Options, *, secret: bytes | None = None) -> None:
         if secret is not None:
@@ -39,7 +39,7 @@ class Aircraft:
             schedule.set(message_id, -1, 0)
 
     def __deepcopy__(self, memo):
-        """To be moved on by itself; what never changes, and what is past, is the same."""
+        """Independent copy; constants and past data are shared."""
         memo |= {id(item): item for item in self._constants()}
         twin = memo[id(self)] = copy.copy(self)
         for name, value in vars(self).items():
@@ -56,21 +56,21 @@ class Aircraft:
 
     @property
     def status(self) -> str:
-        """For the message of a test that fails."""
+        """Text for the message of a failing test."""
         return f"mode {self.truth.mode}, texts {self.operator.texts()[-5:]}"
 
     def move(self) -> list[bytes]:
-        """A step of time; what the autopilot has said to the companion."""
+        """A step of time; returns the autopilot's packets for the companion."""
         self.now_s += STEP_S
         self.operator.tick(self.now_s)
         self.autopilot.step(self.now_s)
-        said = []
+        sent = []
         for link, data in self.autopilot.data_to_send():
             if link == "gcs":
                 self.operator.receive(data)
             else:
-                said.append(data)
-        return said
+                sent.append(data)
+        return sent
 
     def step(self) -> None:
         self.move()
@@ -88,7 +88,7 @@ class Aircraft:
             self.step()
 
     def land(self) -> None:
-        """The operator gives LAND; until it stands there, disarmed."""
+        """The operator gives LAND; runs until the aircraft is on the ground, disarmed."""
         self.operator.mode("land")
         self.run_until(lambda: self.truth.on_ground and not self.truth.armed, 60.0)
         self.run(1.0)
@@ -118,12 +118,12 @@ class Aircraft:
             ),
             30.0,
         )
-        self.run(0.5)  # until a companion has heard it, too
+        self.run(0.5)  # until a companion has received it, too
 
 
 @flown_once
 def in_the_air(options: Options, secret: bytes | None, height_m: float) -> Aircraft:
-    """Hovering after `take_off`; nothing is there but the operator."""
+    """An aircraft that hovers after `take_off`, with the operator only."""
     aircraft = Aircraft(options, secret=secret)
     aircraft.take_off(height_m)
     return aircraft

@@ -1,4 +1,4 @@
-"""Flights that wind is told from: steered by the operator, observed by the companion."""
+"""Flights for wind estimation: steered by the operator, observed by the companion."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Progress:
 
 
 def airframe_of(manner: Manner, drag: float) -> Airframe:
-    """This autopilot's aircraft with so much of its drag."""
+    """Airframe of this autopilot's aircraft with its drag times `drag`."""
     frame = KINDS[manner.value].airframe
     return replace(frame, drag_per_s=drag * frame.drag_per_s, drag_per_m=drag * frame.drag_per_m)
 
@@ -45,7 +45,7 @@ def airframe_of(manner: Manner, drag: float) -> Airframe:
 class AirFlight(Lockstep):
     """In the air at `HEIGHT_M`, in the mode that follows setpoints.
 
-    drag: the aircraft's, as a part of what it is taken to be.
+    drag: the aircraft's drag, as a fraction of the configured drag.
     """
 
     def __init__(self, manner: Manner, *, drag: float = 1.0, **options) -> None:
@@ -75,11 +75,11 @@ class AirFlight(Lockstep):
             self._note()
 
     def steer(self, position_m: Point, velocity_mps: Point = (0.0, 0.0)) -> None:
-        """From now on this is the setpoint, at `HEIGHT_M`: north, east."""
+        """Sets the setpoint (north, east) at `HEIGHT_M`."""
         self._setpoint = (position_m, velocity_mps)
 
     def fly_to(self, position_m: Point, speed_mps: float, acceleration_mps2: float = 2.0) -> None:
-        """A moving setpoint along a straight leg, from where the last one was; then a second."""
+        """A moving setpoint along a straight leg from the last setpoint; then a second of rest."""
         assert self._setpoint is not None
         (north, east), _ = self._setpoint
         length_m = math.dist((north, east), position_m)
@@ -103,7 +103,7 @@ class AirFlight(Lockstep):
         conditions.gust_mps = gust_mps
 
     def manoeuvre(self) -> None:
-        """Legs, turns, braking, and jumps of the setpoint that ask for all it can lean."""
+        """Legs, turns, braking, and jumps of the setpoint that need the full lean."""
         for speed_mps in (2.0, 5.0):
             for corner in ((20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)):
                 self.fly_to(corner, speed_mps)

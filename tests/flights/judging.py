@@ -1,4 +1,4 @@
-"""True course of a lockstep flight, and the sent setpoints: by geometry of its own.
+"""True course of a lockstep flight, and the sent setpoints: with independent geometry.
 
 Independent of the companion on purpose: distances are Shapely's, the map between the world and an
 autopilot's local frame is the simulator's.
@@ -24,11 +24,11 @@ from .operator import Manner
 PROJECTIONS = {Manner.PX4: SphereProjection, Manner.ARDUPILOT: FlatProjection}
 """Projection of each autopilot's local frame."""
 OUTWARD_STATES = {"landing_leg"}
-"""In these the setpoint may be outside the workspace."""
+"""States in which the setpoint may be outside the workspace."""
 _SECOND_S = 1.0
-"""A setpoint that is taken along is as far away as the aircraft flies in this."""
+"""A setpoint that follows the aircraft is as far away as the aircraft flies in this time."""
 _FORGIVEN_M = 2e-3
-"""Rounding of the way to and fro between the frames."""
+"""Rounding of conversions between the frames."""
 
 
 def in_plane(site, latitude_deg, longitude_deg, altitude_amsl_m):
@@ -73,7 +73,7 @@ def setpoint_places(flight, setpoints=None):
 
 
 def local_place(site, manner, origin, message):
-    """(x, y, z) of what a message has as x, y, z of the local frame at an origin."""
+    """(x, y, z) in the site's frame of a message's local x, y, z at an origin."""
     latitude_deg, longitude_deg, altitude_m = origin
     projection = PROJECTIONS[manner](latitude_deg, longitude_deg)
     place = projection.reproject(message.x, message.y)
@@ -88,7 +88,7 @@ def shape(obstacle):
 
 
 def clearances_m(site, places, *, keep_out=False):
-    """Distance of each place from the nearest obstacle, less that one's keep-out if asked."""
+    """Distance of each place from the nearest obstacle, optionally less its keep-out."""
     points = shapely.points(np.reshape([(x, z) for x, _, z in places], (-1, 2)))
     return np.min(
         [
@@ -100,7 +100,7 @@ def clearances_m(site, places, *, keep_out=False):
 
 
 def least_true_clearance_m(flight):
-    """Between the aircraft's hull and the nearest obstacle, from take-off to landing."""
+    """Least distance from the hull to the nearest obstacle, from take-off to landing."""
     return min(clearances_m(flight.site, true_places(flight))) - flight.vehicle.radius_m
 
 
@@ -135,7 +135,7 @@ def streaks(flight):
 def assert_setpoints_never_jump(flight):
     """Between two setpoints lies no more than the speed allows; nor do speeds or headings jump.
 
-    But for those that an aircraft takes along which is blown off.
+    Except setpoints that follow an aircraft that the wind blows off.
     """
     speed, guidance = flight.vehicle.speed, flight.vehicle.guidance
     greatest_mps = max(
@@ -157,9 +157,9 @@ def assert_setpoints_never_jump(flight):
                 continue
             moved_m = math.dist((one.x, one.y, one.z), (two.x, two.y, two.z))
             assert moved_m <= (greatest_mps + 0.05) * step_s + 1e-4, before
-            # What the setpoints say of their speed is how they move.
-            told_mps = math.dist((0.0, 0.0, 0.0), (two.vx, two.vy, two.vz))
-            assert told_mps <= greatest_mps + 0.05
+            # The velocity in a setpoint is the velocity of the setpoint.
+            sent_mps = math.dist((0.0, 0.0, 0.0), (two.vx, two.vy, two.vz))
+            assert sent_mps <= greatest_mps + 0.05
             if before.state not in {"ready", "planning"}:
                 changed_mps = math.dist((one.vx, one.vy, one.vz), (two.vx, two.vy, two.vz))
                 # An offset begins and ends to fade at v_MIN; arcs are made of small corners.
@@ -171,8 +171,8 @@ def assert_setpoints_never_jump(flight):
 def assert_setpoints_keep_to_free_space(flight, *, escape=False):
     """In the workspace, above the least altitude, in cells that are free by our own reckoning.
 
-    At rest they may be within the margin. But for the landing leg, and, with `escape`, the leg that
-    leads out of an occupied cell; and what a wind may do to a setpoint, which keeps the keep-outs.
+    At rest they may be within the margin. Exceptions: the landing leg; with `escape`, the leg out
+    of an occupied cell; and the permitted effects of a wind, which stay out of the keep-outs.
     """
     site, radius_m = flight.site, flight.vehicle.radius_m
     space = site.workspace
@@ -190,7 +190,7 @@ def assert_setpoints_keep_to_free_space(flight, *, escape=False):
         left = left or item.state in OUTWARD_STATES
         if left or (escape and z < (space.min_altitude_m or 0.0) + space.resolution_m):
             continue
-        # On a border two cells will do: of conversions to and fro a millimetre is forgiven.
+        # On a border one of two free cells is enough; conversions have a tolerance of a millimetre.
         message = item.message
         moves = any((message.vx, message.vy, message.vz))
         near = {(cell, moves) for cell in cells_within(place, space, _FORGIVEN_M)}
@@ -221,7 +221,7 @@ def cells_within(place, space, tolerance_m):
 
 
 def is_free(site, centre, radius_m, widened_m=0.0):
-    """True if the cell at a centre may be entered; widened_m: what every keep-out grows by."""
+    """True if the cell at a centre may be entered; widened_m: growth of every keep-out."""
     space = site.workspace
     low = space.min_altitude_m
     if low is not None and centre[1] < low - 1e-6:
@@ -246,8 +246,8 @@ class Blown(enum.Enum):
 class Leash:
     """Permitted effects of a wind on a stream's setpoints, by `configs/README.md` ("Wind").
 
-    By places in the site's frame. Those that it may, and no others, may be off the plane or outside
-    the workspace.
+    Places are in the site's frame. Only setpoints with such an effect may be off the plane or
+    outside the workspace.
     """
 
     def __init__(self, site, vehicle):
@@ -259,16 +259,16 @@ class Leash:
         self._at_m = None
         """Where the last setpoint was, since one was taken along."""
         self._least_m = None
-        """Least distance beside the plane and outside the workspace so far, on its way back."""
+        """Least distance beside the plane and outside the workspace so far, in the recovery."""
         self._jumped_m = 0.0
-        """Distance from its way back at which a jump has put it, to which it moves over."""
+        """Offset of the setpoint from its recovery path after a jump; fades to 0."""
 
     def look(self, before_m, after_m, aircraft_m, *, moves, jumped_m=0.0):
-        """Reason why a setpoint is where only a wind may have it; None where it is not.
+        """Permitted effect of the wind that explains a setpoint; None if there is none.
 
-        before_m: of the one before; None where the stream has just begun. aircraft_m: as the
-        autopilot told it last. moves: whether the setpoint has a velocity. jumped_m: how far the
-        estimate has just jumped, which takes the setpoint along.
+        before_m: previous setpoint; None at the start of a stream. aircraft_m: last reported
+        position. moves: True if the setpoint has a velocity. jumped_m: size of a jump of the
+        estimate just before, which moves the setpoint.
         """
         found = None
         if before_m is not None:
@@ -291,7 +291,7 @@ class Leash:
         return Blown.RETURNS if self._comes_back(after_m, jumped_m) else None
 
     def _is_taken(self, before_m, after_m, aircraft_m):
-        """Towards the aircraft, when that is too far away, and never quite to it."""
+        """True for a motion towards an aircraft that is too far away, not fully to it."""
         was_m, is_m = math.dist(before_m, aircraft_m), math.dist(after_m, aircraft_m)
         leash_m = self._drawn_m if self._drifts else self._longest_m
         return (
@@ -302,7 +302,7 @@ class Leash:
         )
 
     def _is_between(self, before_m, after_m, aircraft_m):
-        """On the straight from the setpoint to the aircraft, or above it where that is too low."""
+        """True on the line from setpoint to aircraft, or above the line if that is too low."""
         low_m = self._site.workspace.min_altitude_m
         for axes in (slice(3), slice(2)):
             line, come = np.subtract(before_m, aircraft_m), np.subtract(after_m, aircraft_m)
@@ -315,7 +315,7 @@ class Leash:
         return False
 
     def _comes_back(self, place_m, jumped_m):
-        """Never farther from plane and workspace than it has come, until it may be anywhere."""
+        """True while the setpoint returns: never farther from plane and workspace than so far."""
         if self._is_back(place_m) or not self._keeps(place_m):
             return False
         away_m, least_m = self._away_m(place_m), self._least_m
@@ -338,7 +338,7 @@ class Leash:
         )
 
     def _keeps(self, place_m):
-        """Every keep-out, also outside the workspace, and the least altitude."""
+        """True outside every keep-out, also beyond the workspace, and above the least altitude."""
         low_m = self._site.workspace.min_altitude_m
         high = low_m is None or place_m[2] >= low_m - _FORGIVEN_M
         room_m = clearances_m(self._site, [place_m], keep_out=True)[0]
@@ -346,7 +346,7 @@ class Leash:
 
 
 def blown_setpoints(flight):
-    """The setpoints with which the wind has to do, by their time."""
+    """Setpoints with a permitted effect of the wind, by their time."""
     leash, manner = Leash(flight.site, flight.vehicle), flight.operator.manner
     blown, before_m, before_s = {}, None, -math.inf
     for item, place_m in zip(flight.setpoints, setpoint_places(flight), strict=True):

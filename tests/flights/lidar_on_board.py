@@ -14,9 +14,9 @@ from sitl.lidar_scene import PlacedScene
 
 
 class LidarOnBoard:
-    """Packets of true poses; what is made of them with the poses that the companion notes.
+    """Lidar packets from true poses, and their perception with the poses that the companion notes.
 
-    reports: all that were given to the companion.
+    reports: all reports that the companion received.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """A flight in lockstep: the companion machine and the fake autopilot in one process.
 
-Time is moved by the loop; nothing sleeps. Plans are made at once and handed over after a set
-delay, as a planner thread would.
+The loop advances the time; nothing sleeps. Plans are made at once and delivered after a set
+delay, as by a planner thread.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PARAMETERS = {
 """Parameters that the manual asks for, as far as they matter to a flight without a pilot."""
 PLAN_DELAY_S = 0.04
 HEARD_S = 4.0
-"""After its start the companion has heard all that it asks for."""
+"""Time in which the companion receives all requested data after its start."""
 
 
 def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
@@ -65,7 +65,7 @@ def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
 
 @dataclass(frozen=True, kw_only=True)
 class Setpoint:
-    """A SET_POSITION_TARGET_LOCAL_NED that was sent, and its frame at that time.
+    """A sent SET_POSITION_TARGET_LOCAL_NED and its frame at that time.
 
     packet: its bytes. position: those of the LOCAL_POSITION_NED that the companion received last.
     """
@@ -112,10 +112,9 @@ class Lockstep(Aircraft):
         lidar_scene: PlacedScene | None = None,
         **config,
     ) -> None:
-        """start_m: where it stands in the site's frame (x, y); under the site's start.
+        """start_m: place of the aircraft in the site's frame (x, y); None: under the site's start.
 
-        secret: with which all links are signed. lidar_scene: what the lidar on board sees; None:
-        there is no lidar.
+        secret: key of all signed links. lidar_scene: scene of the lidar on board; None: no lidar.
         """
         if isinstance(site, str):
             site = Site.load(shipped_configs() / "sites" / f"{site}.yaml")
@@ -132,7 +131,7 @@ class Lockstep(Aircraft):
         )
         self.vehicle = sighted(as_simulated(vehicle, manner), self.config)
         self.flown_site = flown_site(site, self.vehicle, self.config.supervision)
-        # Decisions tell how long a plan took: here no time passes meanwhile.
+        # Decisions have the planning time, which is 0 in lockstep.
         self.planner = Planner(self.flown_site, self.vehicle, clock=lambda: 0.0)
         self.planners = PlannerSet(self.planner)
         x_m, y_m = (self.site.start_m[0], 0.0) if start_m is None else start_m
@@ -159,13 +158,13 @@ class Lockstep(Aircraft):
         self.truths: list[Truth] = []
         self.to_autopilot: list[tuple[float, bytes]] = []
         self.calls: list[Call] = []
-        """Everything that entered the companion and its answers, in order."""
+        """All inputs of the companion and its answers, in order."""
         self.setpoints: list[Setpoint] = []
         self.states: list[tuple[float, str]] = []
         """The companion's state after each step."""
         self.cut = False
         self.deaf = False
-        """The autopilot's words do not reach the companion; the other way is open."""
+        """True: the autopilot's packets do not reach the companion; the other direction is open."""
         self.blind = False
         """The lidar is off."""
         self.planning = True
@@ -179,7 +178,7 @@ class Lockstep(Aircraft):
         return [*super()._constants(), self.config, *site_maps]
 
     def new_companion(self, before: MissionSnapshot | None = None) -> RecordedCompanion:
-        """A companion that knows nothing yet but what the one before it remembered."""
+        """A new companion with only the snapshot of the previous one."""
         site_maps = SiteMaps(site=self.flown_site, maps=self.planner.maps)
         signing = self._secret and Signing(key=SigningKey(self._secret), wall_s=0.0)
         return RecordedCompanion(
@@ -202,7 +201,7 @@ class Lockstep(Aircraft):
 
     @property
     def last_setpoint_s(self) -> float:
-        """When the last setpoint was sent; minus infinity before the first."""
+        """Time of the last setpoint; minus infinity before the first."""
         return self.setpoints[-1].time_s if self.setpoints else -math.inf
 
     def step(self) -> None:
@@ -234,14 +233,14 @@ class Lockstep(Aircraft):
         self.states.append((now_s, self.state))
 
     def _do(self, job: PlanJob | MapJob) -> None:
-        """Carries out a job of the planner's thread: each on the maps of those before it."""
+        """Carries out a job of the planner's thread, on the maps of the jobs before it."""
         if isinstance(job, MapJob):
             self.companion.maps_answered(answer_map_job(self.planners, job))
         else:
             self.companion.plan_answered(answer_job(self.planners, job))
 
     def handle(self, data: bytes) -> None:
-        """Bytes for the companion, from whomever."""
+        """Bytes for the companion, from any sender."""
         for packet in packets(data):
             if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
                 self._position = packet
@@ -274,14 +273,14 @@ class Lockstep(Aircraft):
         self.run_until(lambda: self.state == state, timeout_s)
 
     def run_in_wind(self, wind_mps: float, from_deg: float, seconds: float) -> None:
-        """Time in a wind, and calm after."""
+        """Runs in a wind, with calm air afterwards."""
         conditions = self.autopilot.conditions
         conditions.wind_mps, conditions.wind_from_deg = wind_mps, from_deg
         self.run(seconds)
         conditions.wind_mps = 0.0
 
     def begin(self, mission: int, index: float = -1) -> None:
-        """Order a mission and give our mode for it; on the ground, take off before."""
+        """Order a mission and give the companion's mode; on the ground, take off before."""
         if self.truth.on_ground:
             self.take_off()
         self.operator.mission(mission, index)
@@ -301,7 +300,7 @@ class Lockstep(Aircraft):
         self.run(HEARD_S)
 
     def give_mode(self) -> None:
-        """The operator gives our mode: PX4 takes it once a setpoint is streamed."""
+        """The operator gives the companion's mode: PX4 accepts it once a setpoint is streamed."""
         if not self.operator.in_mode("ours"):
             self.run_until_state("ready", 5.0)
             self.run(1.5)

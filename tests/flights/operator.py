@@ -1,4 +1,4 @@
-"""The operator of a lockstep flight: a ground station (255/190) that speaks raw MAVLink."""
+"""The operator of a lockstep flight: a ground station (255/190) with raw MAVLink."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ READ = {
     mavlink.MAVLINK_MSG_ID_STATUSTEXT,
     mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
 }
-"""An operator looks at these; an autopilot says a hundred times as much."""
+"""Messages that an operator reads; an autopilot sends a hundred times as many."""
 
 
 class Manner(enum.Enum):
-    """Whose autopilot it is. modes: what DO_SET_MODE takes after base_mode, the truth's word."""
+    """Kind of autopilot. modes: parameters of DO_SET_MODE after base_mode, name in the truth."""
 
     PX4 = "px4"
     ARDUPILOT = "ardupilot"
@@ -57,7 +57,7 @@ _MODES = {
 
 @dataclass
 class Operator:
-    """A ground station on the autopilot's other link: what it sends, what it has heard and read."""
+    """A ground station on the autopilot's other link: packets sent, received and read."""
 
     autopilot: FakeAutopilot
     manner: Manner
@@ -72,7 +72,7 @@ class Operator:
         """No heartbeats are sent."""
 
     def sign(self, secret: bytes) -> None:
-        """From now on all that is sent is signed, and nothing else is read."""
+        """Sign all packets from now on, and read signed packets only."""
         self._codec.signing.secret_key = secret
         self._codec.signing.link_id = 200
         self._codec.signing.sign_outgoing = True
@@ -97,7 +97,7 @@ class Operator:
         self.autopilot.receive("gcs", data)
 
     def set_parameter(self, name: str, value: float) -> None:
-        """As a real; PX4 tells nobody else."""
+        """Set a parameter as a real number; PX4 reports the change only to the sender."""
         self.send(self._codec.param_set_encode(1, 1, name.encode(), value, 9))
 
     def upload_fence(self, items: list[tuple[int, float, float, float]]) -> None:

@@ -4,7 +4,7 @@
 
 `moar-companion evaluate flight` runs it. From take-off to the first target, with no margin for
 errors of position and tracking: places (x, z) of the true aircraft in the site's plane and their
-times, from the moment that the companion flies until the target is reached.
+times, from the start of the companion's flight until the target is reached.
 """
 
 from __future__ import annotations

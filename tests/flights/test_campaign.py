@@ -1,4 +1,4 @@
-"""The random flights: a few seeds, and a judge that finds what is planted."""
+"""The random flights: a few seeds, and a judge that finds planted violations."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def at_rest(place_m=HERE_M, **changes) -> Record:
         "began_s": {},
         "broken_s": {},
         "orders_s": [],
-        "taken_told_s": [],
+        "taken_reported_s": [],
         "forbidden": [],
         "notes": [],
     }  # fmt: skip
@@ -84,7 +84,7 @@ def setpoint(time_s, place_m, aircraft_m=None, **changes) -> Sent:
 
 
 def from_step(index, record, **changes) -> Record:
-    """With each setpoint from a step on changed."""
+    """A record in which each setpoint from a step on is changed."""
     sent = [
         dataclasses.replace(item, **changes) if number >= index else item
         for number, item in enumerate(record.sent)
@@ -93,7 +93,7 @@ def from_step(index, record, **changes) -> Record:
 
 
 def flown_to(place_m, **changes) -> Record:
-    """Carried from `HERE_M` to a place within 10 s, and there."""
+    """A flight from `HERE_M` to a place within 10 s, which then holds there."""
     part = np.clip(np.arange(COUNT) / 500.0, 0.0, 1.0)[:, None]
     true_m = (1.0 - part) * np.array(HERE_M) + part * np.array(place_m)
     return at_rest(true_m=true_m, **changes)
@@ -130,11 +130,11 @@ def test_a_keep_out_that_is_only_approached_is_not():
     assert rules(flown_to(beside_m)) == {}
 
 
-def test_what_a_pilot_hits_is_not_the_companions():
+def test_a_collision_under_the_pilot_is_not_counted_against_the_companion():
     assert rules(flown_to(CONDUCTOR_M, modes=["POSCTL"] * COUNT, sent=[])) == {}
 
 
-def test_what_is_hit_within_seconds_of_the_last_setpoint_is():
+def test_a_collision_within_seconds_of_the_last_setpoint_is_counted_against_the_companion():
     modes = ["OFFBOARD"] * 450 + ["AUTO.LOITER"] * (COUNT - 450)
     record = flown_to(CONDUCTOR_M, modes=modes)
     assert "collision" in rules(dataclasses.replace(record, sent=record.sent[:450]))
@@ -149,15 +149,15 @@ OUTSIDE = {
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
-def test_outside_the_promise_a_collision_is_counted_with_what_was_not_held(name):
+def test_outside_the_promise_a_collision_is_counted_with_the_broken_part_of_the_promise(name):
     record = flown_to(CONDUCTOR_M, **OUTSIDE[name])
     assert rules(record)["collision"] == (name,)
     assert judge(record).verdict == "outside"
 
 
-def test_an_error_that_is_told_is_within_the_promise():
-    told = {"error_m": np.tile([0.0, 0.0, 1.9], (COUNT, 1)), "reported_m": np.full(COUNT, 2.0)}
-    assert rules(flown_to(CONDUCTOR_M, **told))["collision"] == ()
+def test_a_position_error_within_the_reported_accuracy_is_within_the_promise():
+    reported = {"error_m": np.tile([0.0, 0.0, 1.9], (COUNT, 1)), "reported_m": np.full(COUNT, 2.0)}
+    assert rules(flown_to(CONDUCTOR_M, **reported))["collision"] == ()
 
 
 def test_the_promise_holds_again_some_time_after_it_was_broken():
@@ -204,7 +204,7 @@ def test_a_setpoint_from_stale_input_is_found(age_s, moves, found):
     assert rules(from_step(500, at_rest(), position_age_s=age_s, moves=moves)) == found
 
 
-def test_a_stream_that_begins_anew_after_a_state_without_one_is_no_step():
+def test_a_stream_that_restarts_after_a_state_without_a_stream_is_no_step():
     away_m = (HERE_M[0] + 0.5, *HERE_M[1:])
     record = from_step(500, at_rest(), local_m=away_m, reported_m=away_m, aircraft_m=away_m)
     assert rules(record) == {"step": ()}
@@ -223,7 +223,7 @@ def test_a_setpoint_at_rest_may_follow_the_aircraft_that_has_taken_it_along():
     assert "step" in rules(from_step(501, taken, local_m=nearer_m, reported_m=nearer_m, moves=True))
 
 
-def test_a_setpoint_while_the_mode_is_not_told_is_found():
+def test_a_setpoint_without_a_recent_mode_report_is_found():
     assert rules(from_step(500, at_rest(), mode_age_s=3.4)) == {"stale_mode": ()}
 
 
@@ -236,14 +236,14 @@ def test_a_setpoint_outside_is_found_but_on_a_landing_leg(place_m):
     assert rules(from_step(500, record, on_leg=True)) == {}
 
 
-def test_what_is_left_of_a_landing_leg_may_lead_outside_for_a_while():
+def test_the_rest_of_a_landing_leg_may_go_outside_for_some_time():
     outside_m = (30.1, 0.0, 9.0)
     record = from_step(500, from_step(400, at_rest(), on_leg=True), on_leg=False)
     assert rules(from_step(600, record, reported_m=outside_m)) == {}
     assert rules(from_step(700, record, reported_m=outside_m)) == {"outside": ()}
 
 
-def test_a_stream_that_begins_outside_at_its_aircraft_may_lead_in_and_not_out():
+def test_a_stream_that_begins_outside_at_its_aircraft_may_go_inward_and_not_outward():
     outside_m, farther_m = (31.0, 0.0, 9.0), (31.1, 0.0, 9.0)
     assert rules(at_rest(outside_m)) == {}
     led_in = from_step(500, at_rest(outside_m), reported_m=HERE_M)
@@ -256,19 +256,19 @@ def test_a_setpoint_in_a_keep_out_is_found():
     assert rules(from_step(500, at_rest(), reported_m=near_m)) == {"setpoint_keep_out": ()}
 
 
-def taken_over_at(step, last_step, told_after_s=0.0):
-    """The pilot takes the mode, which is told, and the stream goes on for a while."""
+def taken_over_at(step, last_step, reported_after_s=0.0):
+    """The pilot takes the mode, which is reported, and the stream continues for some time."""
     modes = ["OFFBOARD"] * step + ["POSCTL"] * (COUNT - step)
-    record = at_rest(modes=modes, taken_told_s=[STEP_S * (step + 1) + told_after_s])
+    record = at_rest(modes=modes, taken_reported_s=[STEP_S * (step + 1) + reported_after_s])
     return dataclasses.replace(record, sent=record.sent[:last_step])
 
 
 def test_a_stream_that_goes_on_after_a_takeover_is_found():
     assert rules(taken_over_at(500, 512)) == {}
     assert rules(taken_over_at(500, 514)) == {"silence": ()}
-    assert rules(taken_over_at(500, 528, told_after_s=0.5)) == {}
-    assert rules(taken_over_at(500, 534, told_after_s=0.5)) == {"silence": ()}
-    assert rules(taken_over_at(500, 700, told_after_s=5.0)) == {"silence": ()}
+    assert rules(taken_over_at(500, 528, reported_after_s=0.5)) == {}
+    assert rules(taken_over_at(500, 534, reported_after_s=0.5)) == {"silence": ()}
+    assert rules(taken_over_at(500, 700, reported_after_s=5.0)) == {"silence": ()}
 
 
 def test_a_stream_that_comes_back_without_an_order_is_found():
@@ -279,11 +279,11 @@ def test_a_stream_that_comes_back_without_an_order_is_found():
     assert rules(dataclasses.replace(again, orders_s=[15.0])) == {}
 
 
-def test_what_may_not_be_asked_of_an_autopilot_is_found():
+def test_a_forbidden_request_to_the_autopilot_is_found():
     assert rules(at_rest(forbidden=[(5.0, "command 400")])) == {"authority: command 400": ()}
 
 
-def test_words_of_others_excuse_setpoints():
+def test_forged_packets_excuse_setpoints():
     record = from_step(500, at_rest(), position_age_s=2.0)
     forged = dataclasses.replace(record, broken_s={Breaks.WORDS: 5.0})
     assert rules(forged) == {"stale": ("words",)}
@@ -303,7 +303,7 @@ def test_distances_are_those_of_another_library():
         assert ((ours < 0.0) == shapely.contains_xy(outline, *points_m.T)).all()
 
 
-# What is drawn ----------------------------------------------------------------------------------
+# Drawn flights ----------------------------------------------------------------------------------
 
 
 def test_there_are_enough_kinds_and_the_seeds_go_round_all_of_them():
@@ -334,7 +334,7 @@ def test_a_generated_site_leaves_room_to_take_off():
 
 
 @pytest.mark.parametrize(("manner", "wind_mps"), [(Manner.PX4, 15.0), (Manner.ARDUPILOT, 8.0)])
-def test_the_wind_that_is_promised_is_what_the_autopilot_can_lean_against(manner, wind_mps):
+def test_the_promised_wind_is_the_wind_that_the_autopilot_can_hold(manner, wind_mps):
     assert held_wind_mps(manner) == pytest.approx(wind_mps, abs=0.2)
 
 
@@ -355,7 +355,7 @@ def test_a_random_flight_keeps_the_promise(seed):
 
 
 @pytest.mark.slow
-def test_the_command_writes_the_same_row_each_time_and_tells_what_was_broken(tmp_path, capsys):
+def test_the_command_writes_the_same_row_each_time_and_prints_the_broken_rule(tmp_path, capsys):
     assert main(["--seeds", f"{RESTARTED}:{RESTARTED + 1}", "--out", str(tmp_path)]) == 0
     assert "1 kept" in capsys.readouterr().out
     row = json.loads((tmp_path / "flights.jsonl").read_text())

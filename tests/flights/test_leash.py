@@ -1,4 +1,4 @@
-"""Effects of a wind on a setpoint that the judge of flights permits, and others."""
+"""Effects of a wind on a setpoint: those that the judge permits, and forbidden ones."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_an_aircraft_that_is_blown_off_takes_its_setpoint_along(after_m):
     assert look(after_m) is Blown.TAKEN
 
 
-def test_above_the_least_altitude_it_follows_one_that_sinks():
+def test_above_the_least_altitude_the_setpoint_follows_an_aircraft_that_sinks():
     before_m, aircraft_m = LOW
     assert look((30.5, 0.0, 2.0), before_m=before_m, aircraft_m=aircraft_m) is Blown.TAKEN
 
@@ -56,19 +56,19 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
-def test_it_may_do_nothing_else(wrong):
+def test_the_wind_excuses_no_other_motion_of_a_setpoint(wrong):
     assert look(**wrong) is None
 
 
 def taken(at_m=(34.0, 6.0, 9.0)):
-    """Taken along to a place outside the workspace and beside the plane."""
+    """A leash whose setpoint was taken to a place outside the workspace and beside the plane."""
     leash = Leash(SITE, VEHICLE)
     aircraft_m = tuple(a + (a - b) for a, b in zip(at_m, HERE, strict=True))
     assert leash.look(HERE, at_m, aircraft_m, moves=False) is Blown.TAKEN
     return leash, at_m
 
 
-def test_it_stands_there_and_nowhere_else():
+def test_a_setpoint_that_was_taken_along_may_stand_only_at_its_place():
     leash, at_m = taken()
     assert leash.look(at_m, at_m, at_m, moves=False) is Blown.STANDS
     assert leash.look(at_m, (34.0, 6.0, 9.1), at_m, moves=False) is None
@@ -94,7 +94,7 @@ def along(*points_m, step_m=0.05):
     return places_m
 
 
-def test_it_comes_back_to_the_plane_and_then_to_the_workspace_until_it_may_be_anywhere():
+def test_the_setpoint_returns_to_the_plane_then_to_the_workspace_and_is_then_judged_normally():
     leash, at_m = taken()
     found = follow(leash, along(at_m, (34.0, 0.0, 9.0), (29.5, 0.0, 9.0)))
     back = found.index(None)
@@ -104,12 +104,12 @@ def test_it_comes_back_to_the_plane_and_then_to_the_workspace_until_it_may_be_an
 
 
 @pytest.mark.parametrize("end_m", [(34.5, 5.0, 9.0), (33.5, 6.5, 9.0)])
-def test_it_goes_no_farther_from_either(end_m):
+def test_the_setpoint_may_not_move_away_from_the_plane_or_the_workspace(end_m):
     leash, at_m = taken()
     assert None in follow(leash, along(at_m, end_m))[:2]
 
 
-def test_on_its_way_back_it_keeps_the_keep_outs():
+def test_a_returning_setpoint_stays_out_of_the_keep_outs():
     leash, at_m = taken((22.68, 6.0, 9.0))
     found = follow(leash, along(at_m, (22.68, 5.0, 10.5)))
     assert found[0] is Blown.RETURNS

@@ -1,4 +1,4 @@
-"""The lidar of a flight in lockstep: what it sees is on the maps, and its silence is noticed."""
+"""The lidar of a flight in lockstep: seen obstacles are on the maps; a silent lidar is detected."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SITE = Site.load(shipped_configs() / "sites" / "horizontal_three_conductors.yaml
 
 
 def hovering(site):
-    """In the air at a site that is told no obstacle; the lidar is on from now on."""
+    """In the air at a site file without obstacles; the lidar is on from now on."""
     flight = Lockstep(
         site=replace(site, obstacles=()),
         vehicle="x500",
@@ -31,7 +31,7 @@ def hovering(site):
     return flight
 
 
-def test_what_it_sees_is_on_the_maps_before_an_order_and_its_silence_is_noticed():
+def test_seen_obstacles_are_on_the_maps_before_an_order_and_a_silent_lidar_is_detected():
     flight = hovering(SITE)
     assert flight.lidar.reports == []
     flight.run(3.5)
@@ -51,5 +51,5 @@ def test_what_it_sees_is_on_the_maps_before_an_order_and_its_silence_is_noticed(
 
 def holds(flight):
     """True while the condition of a silent sensor acts."""
-    told = [item.data for item in flight.decisions if item.kind == "condition"]
-    return [data["began"] for data in told if data["name"] == "perception"][-1]
+    conditions = [item.data for item in flight.decisions if item.kind == "condition"]
+    return [data["began"] for data in conditions if data["name"] == "perception"][-1]

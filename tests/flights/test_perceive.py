@@ -1,4 +1,4 @@
-"""Flights by sight: of each seed another line; flown, judged, and told."""
+"""Flights by sight, a different line for each seed: flown, judged, and summarised."""
 
 import json
 import math
@@ -25,7 +25,7 @@ def test_a_seed_is_always_the_same_flight():
     assert draw(7) != draw(8)
 
 
-def test_the_companion_is_told_no_obstacle_and_a_rough_target():
+def test_the_companions_site_has_no_obstacle_and_a_rough_target():
     for drawn in DRAWS:
         (target,) = drawn.site.targets
         assert drawn.site.obstacles == ()
@@ -66,7 +66,7 @@ def test_distances_to_wires_solids_and_trees():
 
 
 @pytest.mark.slow
-def test_a_wire_on_the_straight_way_is_seen_and_passed():
+def test_a_wire_on_the_straight_path_is_seen_and_passed():
     flight = fly(2)
     assert flight.draw.added == "wire"
     assert flight.why == ""
@@ -78,17 +78,17 @@ def test_a_wire_on_the_straight_way_is_seen_and_passed():
 
 
 @pytest.mark.slow
-def test_random_flights_touch_nothing_and_are_told(tmp_path, capsys):
+def test_random_flights_have_no_collision_and_are_written_as_rows(tmp_path, capsys):
     seeds = sampled(range(7, 8), range(1, 8))
     given = f"{seeds.start}:{seeds.stop}"
     assert command.main(["--seeds", given, "--out", str(tmp_path)]) == 0
     rows = [json.loads(line) for line in (tmp_path / "flights.jsonl").read_text().splitlines()]
     assert [row["seed"] for row in rows] == list(seeds)
     assert {row["verdict"] for row in rows} == {"kept"}
-    told = (tmp_path / "summary.md").read_text()
+    summary = (tmp_path / "summary.md").read_text()
     count = len(seeds)
-    assert f"{count} flights: 0 collisions, 0 errors; {count} reached the target." in told
-    assert capsys.readouterr().out == told
+    assert f"{count} flights: 0 collisions, 0 errors; {count} reached the target." in summary
+    assert capsys.readouterr().out == summary
 
 
 def row(seed, clearance_m, why=""):
@@ -102,11 +102,11 @@ def row(seed, clearance_m, why=""):
 def test_the_summary_names_collisions_misses_and_false_conductors():
     rows = [row(1, 2.0), row(2, -0.3), row(3, 1.5, "holding: MOAR: no path"),
             {"seed": 4, "verdict": "error", "error": "ValueError: x"}]  # fmt: skip
-    told = command.summary(rows, [1.0, 2.0, 3.0, 4.0])
-    assert "4 flights: 1 collisions, 1 errors; 2 reached the target." in told
-    assert "Least clearance of a hull: -0.3 m (seed 2)" in told
-    assert "- seed 2 (px4, added wire): collision, -0.3 m; reached" in told
-    assert "- seed 3 (px4, added wire): kept, 1.5 m; holding: MOAR: no path" in told
-    assert "- seed 4: ValueError: x" in told
-    assert "Conductors that were reported: 6, of which false 3." in told
-    assert "| 15 to 20 | 3 | 11.0 | 11.0 | 0.10 |" in told
+    summary = command.summary(rows, [1.0, 2.0, 3.0, 4.0])
+    assert "4 flights: 1 collisions, 1 errors; 2 reached the target." in summary
+    assert "Least clearance of a hull: -0.3 m (seed 2)" in summary
+    assert "- seed 2 (px4, added wire): collision, -0.3 m; reached" in summary
+    assert "- seed 3 (px4, added wire): kept, 1.5 m; holding: MOAR: no path" in summary
+    assert "- seed 4: ValueError: x" in summary
+    assert "Conductors that were reported: 6, of which false 3." in summary
+    assert "| 15 to 20 | 3 | 11.0 | 11.0 | 0.10 |" in summary

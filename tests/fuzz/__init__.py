@@ -5,5 +5,5 @@
     .venv/bin/python -m tests.fuzz coverage [SECONDS]                     900 s; extra `fuzz`
 
 `flights` feeds the whole companion in flight beside the fake autopilots and judges every cycle;
-`coverage` feeds codec and session alone. The exit status is 1 when something was found.
+`coverage` feeds codec and session alone. The exit status is 1 after a finding.
 """

@@ -1,7 +1,7 @@
 """Coverage-guided input for codec and session, by atheris (libFuzzer).
 
-An input is a list of operations: a byte that says which, then what it takes. Half of them are
-frames with a right checksum, which no fuzzer finds by itself.
+An input is a list of operations: a byte for the kind, then its data. Half of them are frames with
+a correct checksum, which no fuzzer finds by itself.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from random import Random
 
 try:
     import atheris
-except ImportError:  # the extra `fuzz`; one input can be fed without it
+except ImportError:  # the extra `fuzz`; single inputs need no atheris
     atheris = None
 
 INSTRUMENTED = ["moar_companion.mavlink"]
@@ -41,7 +41,7 @@ STEPS_S = (0.0, 0.001, 0.02, 0.5, 4.0, 20.0)
 
 
 def new_session() -> Session:
-    """With the fence and parameters asked for, of which more can be heard."""
+    """A session that has requested the fence and parameters, so that it accepts their messages."""
     signing = {SIGNED: LinkSigning(SigningKey(SECRET), link_id=2, timestamp=TIMESTAMP)}
     session = Session(links=LINKS, signing=signing)
     session.requests.want_parameters(("GF_ACTION", "COM_OBL_RC_ACT"))
@@ -55,7 +55,7 @@ SHAPES = [
 
 
 def feed(data: bytes) -> None:
-    """One input into one session. Raises what the session raises, which it never must."""
+    """Feeds one input into one session. An exception of the session is a finding."""
     session, now_s, at = new_session(), 10.0, 0
     while at + 4 <= len(data):
         kind, where, step, what = data[at : at + 4]
@@ -84,7 +84,7 @@ def feed(data: bytes) -> None:
 
 
 def seeds() -> list[bytes]:
-    """Inputs to begin with: each message alone, after a heartbeat of the autopilot."""
+    """Initial inputs: each message alone, after a heartbeat of the autopilot."""
     pick = Random(1)
     heartbeat = mavlink.MAVLink_heartbeat_message(2, 12, 209, 6 << 16, 4, 3)
     packed = bytes(heartbeat.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1)))
@@ -96,7 +96,7 @@ def seeds() -> list[bytes]:
 
 
 def run(seconds: int) -> int:
-    """A process of its own, which libFuzzer ends: with 77 after an exception."""
+    """Runs libFuzzer in a separate process; exit status 77 after an exception."""
     with tempfile.TemporaryDirectory() as folder:
         for number, seed in enumerate(seeds()):
             Path(folder, str(number)).write_bytes(seed)

@@ -1,12 +1,12 @@
 """Hostile input in flight: the whole companion beside a fake autopilot, by the seed of a life.
 
-A life is a companion that hears bursts of hostile input, each 2 s, and in between flies on as an
-operator orders. In even lives PX4 flies, in odd ones ArduPilot. Of messages, in every second pair
-of lives none has the autopilot's ids from its own address. Judged are
+A life is a companion that receives bursts of hostile input, each 2 s, and between them flies the
+operator's orders. In even lives PX4 flies, in odd ones ArduPilot. In every second pair of lives no
+message has the autopilot's ids from its own address. Judged are
 
-- every cycle (what arrived decoded, cycled, and packed): no exception, and its processor time;
-- every setpoint: its form, and the obstacles on the site by the origin that was told;
-- where nobody speaks for the autopilot: setpoints never jump, and the aircraft touches nothing.
+- every cycle (decoding, cycle and packing): no exception, and its processor time;
+- every setpoint: its form, and the obstacles on the site by the reported origin;
+- without messages with the autopilot's ids: setpoints never jump, and no collision.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from .frames import OURS, Shape, frame, hostile_payload, nearly_frames, shape_of
 
 LONGEST_MS = 50.0
 SHOWN = 4
-"""So many rows of figures for a life."""
+"""Number of rows of figures for a life."""
 BURST_STEPS = 150
 CALM_STEPS = 750
-"""At most, until it flies again."""
+"""Longest time until the aircraft flies again."""
 _VAIN = 2
-"""After so many bursts without a flight a copy begins anew: messages are for flights."""
+"""Number of bursts without a flight after which a new copy begins: messages test flights."""
 ENDED = {"released", "overridden"}
 """States without a stream."""
 AUTOPILOT = ("127.0.0.1", 14580)
@@ -56,7 +56,7 @@ SECRET = bytes(range(32))
 WALL_S = 1_800_000_000.0
 
 Place = tuple[str, tuple[str, int] | None]
-"""A link, and on those that listen an address."""
+"""A link, and an address on listening links."""
 Hostile = tuple[Place, bytes]
 Source = Callable[[], Iterator[Hostile]]
 """Bytes that arrive in a cycle."""
@@ -76,7 +76,7 @@ STRANGERS = [(42, 1), (2, 1), (51, 68), (0, 0), OURS, (1, 1), (255, 1)]
 
 
 class Cycles:
-    """A companion as the service runs it; the processor time of each cycle."""
+    """A companion as in the service; measures the processor time of each cycle."""
 
     def __init__(self, companion: Companion) -> None:
         self.companion = companion
@@ -104,7 +104,7 @@ class Cycles:
 
 
 class FuzzedFlight(Lockstep):
-    """A flight on four links, with what the autopilot said last."""
+    """A flight on four links, with the last packets of the autopilot."""
 
     def __init__(self, **options) -> None:
         self.last: dict[int, bytes] = {}
@@ -134,7 +134,7 @@ class FuzzedFlight(Lockstep):
         self.companion.receive(COMPANION_LINK, data, self.now_s, AUTOPILOT)
 
     def fly_on(self, pick: Random) -> None:
-        """The operator's orders, once a second, to have it fly."""
+        """The operator's orders, once a second, to start a flight."""
         if self.now_s < self._order_s:
             return
         self._order_s = self.now_s + 1.0
@@ -166,7 +166,7 @@ class Report:
         sys.stdout.write(words + "\n")
 
     def show(self, words: str) -> None:
-        """A row: how much was given, the memory, the longest cycle."""
+        """Prints a row: amount of input, memory, longest cycle."""
         greatest = max(max(costs, default=0.0) for costs in self.costs_ms)
         row = f"| {words} | {self.given} | {anonymous_mb():.1f} MB | {greatest:.1f} ms |\n"
         sys.stdout.write(row)
@@ -187,7 +187,7 @@ class Report:
 
 
 class Life:
-    """Bursts on one companion until so much was given."""
+    """Bursts on one companion until an amount of input."""
 
     def __init__(self, what: str, seed: int, report: Report) -> None:
         self.pick = Random(f"{what} {seed}")
@@ -203,7 +203,7 @@ class Life:
         self.flight = hovering(self.manner)
         self.cycles = self.flight.companion = Cycles(self.flight.companion)
         self.report.companions += 1
-        # As in the service: what was there at the start is not looked through in a cycle.
+        # As in the service: cycles do not garbage-collect the objects from before the start.
         gc.unfreeze()
         gc.collect()
         gc.freeze()
@@ -218,8 +218,8 @@ class Life:
                 self._burst(end)
                 self._judge()
             except Exception as error:  # noqa: BLE001 - any is a finding
-                told = "".join(traceback.format_exception(error)[-3:])
-                report.find(f"{name}, state {self.flight.state}: {told}")
+                trace = "".join(traceback.format_exception(error)[-3:])
+                report.find(f"{name}, state {self.flight.state}: {trace}")
                 self._begin()
             costs_ms = np.array(self.cycles.costs_ms)
             report.costs_ms.append(costs_ms)
@@ -233,7 +233,7 @@ class Life:
                 break
 
     def _calm(self) -> None:
-        """The operator has it fly; not always until it does."""
+        """The operator starts a flight; not always until it flies."""
         pick, flight = self.pick, self.flight
         wanted = pick.choice(
             [{"flying", "landing_leg"}] * 5 + [{"ready"}, {"landing_leg"}, {flight.state}]
@@ -306,7 +306,7 @@ class Life:
         return frame(shape.message_class, payload, ids, seq, signed)
 
     def _noise(self) -> Source:
-        """Origins of this burst's bytes, and number of pieces at once."""
+        """Sources of this burst's bytes, and number of pieces per cycle."""
         pick, flight = self.pick, self.flight
         everywhere = [HOME, *ELSEWHERE]
         places = pick.choice([[HOME], [(STREAM, None)], ELSEWHERE, everywhere])
@@ -338,7 +338,7 @@ class Life:
                 judging.assert_nothing_was_touched(flight)
 
     def _take_last_setpoints(self) -> None:
-        """Sees that what ends a stream is where the one before was, at rest, and takes it out."""
+        """Checks that a last setpoint is at the previous one, at rest, and removes it."""
         flight, before = self.flight, None
         for item in flight.setpoints:
             if item.state in ENDED:
@@ -351,7 +351,7 @@ class Life:
 
 
 def run(what: str, count: int, seeds: Iterable[int]) -> Report:
-    """Lives of a count each."""
+    """Runs lives with `count` inputs each."""
     report = Report()
     for seed in seeds:
         Life(what, seed, report).live(count)

@@ -1,4 +1,4 @@
-"""Frames with hostile fields, and bytes that are nearly frames."""
+"""Frames with hostile fields, and bytes that are almost frames."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OURS = 1, 195
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A message's payload: struct codes by value, and where the values with a meaning are."""
+    """Payload of a message: struct codes of its values, and indices of the fields."""
 
     message_class: Any
     codes: tuple[str, ...]
@@ -47,7 +47,7 @@ def shape_of(message_class: Any) -> Shape:
 
 
 def hostile_value(pick: Random, code: str) -> Any:
-    """A value of a struct code: limits, sentinels, what is no number, anything."""
+    """A value of a struct code: limits, sentinels, NaN and infinity, any value."""
     if code[-1] == "s":
         return pick.choice((b"", b"\xff" * 99, b"MOAR", pick.randbytes(int(code[:-1] or 1))))
     if code in "fd":
@@ -60,7 +60,7 @@ def hostile_value(pick: Random, code: str) -> Any:
 
 
 def hostile_payload(pick: Random, shape: Shape, genuine: bytes | None, boot_s: float) -> bytes:
-    """Payload of a message: a genuine one, where there is one, with hostile values in it."""
+    """Payload of a message: a genuine one, if there is one, with hostile values in it."""
     unpacker, codes, places = shape.message_class.unpacker, shape.codes, shape.places
     if genuine is not None and pick.random() < 0.8:
         values = list(unpacker.unpack(genuine.ljust(unpacker.size, b"\0")[: unpacker.size]))
@@ -90,7 +90,7 @@ def frame(
     seq: int,
     signed: tuple[bytes, int] | None = None,
 ) -> bytes:
-    """A valid MAVLink 2 packet. signed: a key, and the time stamp of the signature."""
+    """A valid MAVLink 2 packet. signed: key and time stamp of the signature."""
     payload = payload.rstrip(b"\0") or payload[:1]
     number = message_class.id
     body = struct.pack(

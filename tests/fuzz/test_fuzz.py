@@ -1,4 +1,4 @@
-"""A little of each kind of hostile input: the figures of much of it are in tests/benchmarks."""
+"""A small amount of each kind of hostile input; tests/benchmarks has the figures of long runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An aircraft in the air for the tests of a module; each of them leaves it where it may."""
+"""An aircraft in the air for the tests of a module; each test may leave it anywhere."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ def in_the_air(tmp_path_factory):
 
 @pytest.fixture
 def rig(in_the_air):
-    """Hovering, with a service that has nothing to do."""
+    """A hovering aircraft with an idle service."""
     in_the_air.hover()
     return in_the_air

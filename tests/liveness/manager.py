@@ -1,4 +1,4 @@
-"""A stand-in for systemd, as far as the unit asks for it: readiness, watchdog, restart.
+"""Replacement of systemd with the functions that the unit uses: readiness, watchdog, restart.
 
 Source: systemd.service(5), sd_notify(3), systemd.kill(5).
 """
@@ -20,7 +20,7 @@ LOOK_S = 0.1
 class Manager:
     """Starts a service and keeps it running, in a thread of its own.
 
-    starts: the process ids, in order. statuses: what they ended with.
+    starts: process ids, in order. statuses: exit statuses.
     """
 
     def __init__(self, service, folder):
@@ -45,9 +45,9 @@ class Manager:
         self._thread.join()
 
     def _run(self):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hears:
-            hears.bind(self._address)
-            hears.settimeout(LOOK_S)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
+            receiver.bind(self._address)
+            receiver.settimeout(LOOK_S)
             while not self._ending.is_set():
                 self._service.start(
                     NOTIFY_SOCKET=self._address,
@@ -55,20 +55,20 @@ class Manager:
                     PYTHONFAULTHANDLER="1",
                 )
                 self.starts.append(self._service.process.pid)
-                self._watch(hears)
+                self._watch(receiver)
                 status = self._service.process.wait()
                 self.statuses.append(status)
                 if status == 0:
                     return
                 self._ending.wait(self._restart_s)
 
-    def _watch(self, hears):
-        """Until it has ended; one that is silent for too long is made to."""
+    def _watch(self, receiver):
+        """Waits for the end of the service; kills it after a watchdog time-out."""
         process, ready = self._service.process, False
         fed_s = time.monotonic()
         while process.poll() is None and not self._ending.is_set():
             with contextlib.suppress(TimeoutError):
-                ready = hears.recv(64) == b"READY=1" or ready
+                ready = receiver.recv(64) == b"READY=1" or ready
                 fed_s = time.monotonic()
             if ready and time.monotonic() - fed_s > self._watchdog_s:
                 process.send_signal(signal.SIGABRT)

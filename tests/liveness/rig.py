@@ -70,7 +70,7 @@ class Service:
 
     @contextlib.contextmanager
     def stopped(self):
-        """Not scheduled meanwhile. Yields when it stopped."""
+        """Stops the scheduling of the process (SIGSTOP). Yields the time of the stop."""
         self.process.send_signal(signal.SIGSTOP)
         try:
             yield clock_s()
@@ -78,7 +78,7 @@ class Service:
             self.process.send_signal(signal.SIGCONT)
 
     def remembered(self):
-        """The state in its file; None where there is none."""
+        """State in the snapshot file; None without a file."""
         with contextlib.suppress(FileNotFoundError):
             return json.loads(self.state.read_text())["memory"]["state"]
         return None
@@ -88,7 +88,7 @@ class Service:
 
 
 class Rig:
-    """One aircraft in the air, and all that flies it."""
+    """One aircraft in the air, with autopilot, tap, service and operator."""
 
     def __init__(self, folder, stack):
         service_port, operator_port = free_ports(2)
@@ -132,11 +132,11 @@ class Rig:
         self.watch(3.0)
 
     def watch(self, seconds):
-        """Let it fly, and read what the ground station hears."""
+        """Let the aircraft fly, and read what the ground station receives."""
         self.operator.wait_until(lambda: False, seconds)
 
     def hover(self):
-        """The service runs, streams nothing, and the autopilot holds."""
+        """Bring the rig to a hover: the service runs without a stream, and the autopilot holds."""
         operator = self.operator
         if self.service.running():
             operator.command("release", 31010, RELEASE, component=COMPANION)
@@ -146,7 +146,7 @@ class Rig:
         self.watch(1.5)
 
     def start(self, **environment):
-        """Start the service; returns once it is heard."""
+        """Start the service; returns when its heartbeat is received."""
         operator = self.operator
         operator.companion_received = False
         operator.texts.clear()
@@ -157,7 +157,7 @@ class Rig:
         self.operator.wait_for(text, lambda: text in self.said(), timeout_s)
 
     def fly(self):
-        """From a hover to a flight that is under way; a machine that stands still is waited out."""
+        """Fly from a hover to a started mission; waits for a machine that stalls."""
         for attempts_left in reversed(range(FLY_ATTEMPTS)):
             self.operator.texts.clear()
             try:
@@ -171,18 +171,18 @@ class Rig:
                 return
 
     def engage(self):
-        """Give the mode to a stream that waits for it."""
+        """Give the mode to a waiting stream."""
         self.watch(1.5)
         self.operator.give_mode()
         self.wait_for_text("MOAR: flying inspection")
         self.operator.wait_for("moving", lambda: self.speed_mps() > 0.3, 10.0)
 
     def said(self):
-        """All that the companion has said since the last start or flight."""
+        """Texts of the companion since the last start or flight."""
         return "".join(self.operator.texts)
 
     def ask_for_inspection(self):
-        """Order it and do not wait for an answer."""
+        """Order an inspection without waiting for an answer."""
         self.operator._send(
             mavlink.MAVLink_command_long_message(1, COMPANION, 31010, 0, INSPECTION, -1, *[0.0] * 5)
         )

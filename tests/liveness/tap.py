@@ -1,4 +1,4 @@
-"""Packets of the service to the autopilot, on the wire between them, with the kernel's times."""
+"""Packets from the service to the autopilot, captured with the kernel's times."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def clock_s():
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setpoint:
-    """One that was sent. cycle_s: when its cycle began."""
+    """A sent setpoint. cycle_s: begin of its cycle."""
 
     sent_s: float
     cycle_s: float
@@ -43,7 +43,7 @@ class Setpoint:
 
 
 class Tap:
-    """Carries datagrams between the autopilot, which sends to `port`, and the service."""
+    """Forwards datagrams between the autopilot, which sends to `port`, and the service."""
 
     def __init__(self, service_port):
         self._service = ("127.0.0.1", service_port)
@@ -61,7 +61,7 @@ class Tap:
         self._thread.start()
 
     def since(self, time_s):
-        """The setpoints that were sent after a time."""
+        """Setpoints sent after a time."""
         return [item for item in list(self.setpoints) if item.sent_s > time_s]
 
     def close(self):

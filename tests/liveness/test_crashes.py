@@ -1,4 +1,4 @@
-"""A service that is killed, ended or started anew while the aircraft flies."""
+"""A service that is killed, stopped or restarted while the aircraft flies."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.xdist_group("crashes")
 
 
 @real_time
-def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
+def test_a_service_killed_in_flight_waits_for_an_order_after_its_restart(rig):
     rig.fly()
     rig.service.end(signal.SIGKILL)
     killed_s = clock_s()
@@ -39,7 +39,7 @@ def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
 
 
 @real_time
-def test_killed_in_flight_its_recording_is_whole_up_to_the_last_second_and_replays_exactly(
+def test_the_recording_of_a_killed_service_is_complete_to_the_last_second_and_replays_exactly(
     rig, capsys
 ):
     rig.fly()
@@ -55,7 +55,7 @@ def test_killed_in_flight_its_recording_is_whole_up_to_the_last_second_and_repla
 
 
 @real_time
-def test_ended_by_the_service_manager_its_last_setpoint_is_at_rest(rig):
+def test_a_service_that_its_manager_stops_ends_with_a_setpoint_at_rest(rig):
     rig.fly()
     before = rig.tap.setpoints[-1]
     assert rig.service.end(signal.SIGTERM) == 0
@@ -68,7 +68,7 @@ def test_ended_by_the_service_manager_its_last_setpoint_is_at_rest(rig):
 
 
 @real_time
-def test_ended_while_it_is_paused_it_says_nothing_any_more(rig):
+def test_a_service_that_is_stopped_while_paused_sends_nothing(rig):
     rig.fly()
     with rig.service.stopped() as stopped_s:
         rig.service.process.terminate()
@@ -78,7 +78,7 @@ def test_ended_while_it_is_paused_it_says_nothing_any_more(rig):
 
 
 @real_time
-def test_killed_at_any_moment_its_memory_is_whole_or_absent(rig):
+def test_the_snapshot_of_a_service_killed_at_any_moment_is_complete_or_absent(rig):
     rig.service.end(signal.SIGKILL)
     began_s = clock_s()
     rig.start()

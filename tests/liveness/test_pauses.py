@@ -1,4 +1,4 @@
-"""A service that is not scheduled: what it sends when it wakes is of after its waking."""
+"""A service that is not scheduled: after the pause it sends only data from after the pause."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ LET_GO_S = 0.5
 
 
 def longest_pause_s(rig):
-    """For how long the service says that it stood still; None where it goes on.
+    """Duration of the pause that the service reports; None if it continues.
 
-    A machine with other work to do may hold it up for longer than we do. What it does after a
-    pause of any length is exact in lockstep (`tests/companion/test_supervision.py`).
+    A busy machine may delay the service for longer than the test does. The behaviour after a pause
+    of any length is tested exactly in lockstep (`tests/companion/test_supervision.py`).
     """
-    said = re.search(r"MOAR: control loop stalled ([\d.]+) s", rig.said())
-    return None if said is None else float(said[1])
+    stalled = re.search(r"MOAR: control loop stalled ([\d.]+) s", rig.said())
+    return None if stalled is None else float(stalled[1])
 
 
 @real_time
 @pytest.mark.parametrize(("pause_s", "goes_on"), [(0.3, True), (1.0, False), (3.0, False)])
-def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
+def test_after_a_pause_no_old_setpoint_is_sent(rig, pause_s, goes_on):
     rig.fly()
     before = rig.tap.setpoints[-1]
     with rig.service.stopped() as stopped_s:
@@ -53,7 +53,7 @@ def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
 
 
 @real_time
-def test_paused_at_any_moment_of_a_cycle_it_sends_nothing_old(rig):
+def test_a_service_paused_at_any_moment_of_a_cycle_sends_no_old_setpoint(rig):
     rig.fly()
     moments = random.Random(3)
     for _ in range(20):

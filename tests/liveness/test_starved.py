@@ -1,4 +1,4 @@
-"""A processor that others keep busy: the stream keeps its rate or it ends, and is never late."""
+"""A busy processor: the stream keeps its rate or ends, and is never late."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RECOVERED_S = 10.0
 
 @contextlib.contextmanager
 def starved(process, *, hogs, nice):
-    """A process shares its processor with busy loops."""
+    """Lets a process share its processor with busy loops."""
     everywhere = os.sched_getaffinity(0)
     here = {min(everywhere)}
     confine(process, here)
@@ -57,7 +57,7 @@ def confine(process, processors):
 
 @real_time
 @pytest.mark.parametrize(("hogs", "nice"), [(3, 0), (6, -19)])
-def test_starved_it_streams_in_time_or_not_at_all(rig, hogs, nice):
+def test_a_starved_service_streams_in_time_or_not_at_all(rig, hogs, nice):
     rig.fly()
     rig.watch(1.0)
     begun_s = rig.tap.setpoints[-1].sent_s

@@ -1,4 +1,4 @@
-"""The service manager's watchdog: fed by finished cycles, and by nothing else."""
+"""The service manager's watchdog: fed only by finished cycles."""
 
 from __future__ import annotations
 
@@ -32,48 +32,48 @@ def manager(folder):
 
 @contextlib.contextmanager
 def watched(folder, **environment):
-    """A service, and what it tells its manager."""
+    """A service and the socket with its messages to the manager."""
     service = Service(folder, *free_ports(1))
-    with manager(folder) as (hears, address):
+    with manager(folder) as (receiver, address):
         service.start(NOTIFY_SOCKET=address, **environment)
         try:
-            assert hears.recv(64) == b"READY=1"
-            yield service, hears
+            assert receiver.recv(64) == b"READY=1"
+            yield service, receiver
         finally:
             service.end(signal.SIGKILL)
 
 
-def fed_s(hears, count):
-    """When the watchdog was fed."""
+def fed_s(receiver, count):
+    """Times at which the watchdog was fed."""
     times_s = []
     while len(times_s) < count:
-        said = hears.recv(64)
-        if not said.startswith(b"STATUS="):
-            assert said == b"WATCHDOG=1"
+        message = receiver.recv(64)
+        if not message.startswith(b"STATUS="):
+            assert message == b"WATCHDOG=1"
             times_s.append(clock_s())
     return times_s
 
 
-def test_it_is_fed_twice_in_its_time_and_not_while_no_cycle_ends(tmp_path):
-    with watched(tmp_path, WATCHDOG_USEC=f"{TIMEOUT_S * 1e6:.0f}") as (service, hears):
-        times_s = fed_s(hears, 4)
+def test_the_watchdog_is_fed_twice_per_period_and_not_while_no_cycle_ends(tmp_path):
+    with watched(tmp_path, WATCHDOG_USEC=f"{TIMEOUT_S * 1e6:.0f}") as (service, receiver):
+        times_s = fed_s(receiver, 4)
         assert all(later - earlier < TIMEOUT_S for earlier, later in pairwise(times_s))
         assert times_s[-1] - times_s[0] > 2 * TIMEOUT_S / 2
         with service.stopped():
-            hears.settimeout(2 * TIMEOUT_S)
+            receiver.settimeout(2 * TIMEOUT_S)
             with contextlib.suppress(TimeoutError):
-                fed_s(hears, 1)  # one that was on its way when it was stopped
+                fed_s(receiver, 1)  # a message that was sent before the stop
             with pytest.raises(TimeoutError):
-                hears.recv(64)
-        hears.settimeout(30.0)
-        fed_s(hears, 2)
+                receiver.recv(64)
+        receiver.settimeout(30.0)
+        fed_s(receiver, 2)
         service.process.terminate()
-        assert hears.recv(64) in {b"STOPPING=1", b"WATCHDOG=1"}
+        assert receiver.recv(64) in {b"STOPPING=1", b"WATCHDOG=1"}
         assert service.process.wait(20) == 0
 
 
 @real_time
-def test_one_that_hangs_in_flight_is_started_anew_tells_what_was_flown_and_waits(rig, tmp_path):
+def test_a_service_that_hangs_in_flight_is_restarted_reports_its_mission_and_waits(rig, tmp_path):
     rig.service.end(signal.SIGKILL)
     rig.operator.companion_received = False
     with Manager(rig.service, tmp_path) as manager:

@@ -1,4 +1,4 @@
-"""A pilot by MAVSDK, which knows PX4 and nothing of us."""
+"""A pilot by MAVSDK, which supports PX4 and does not depend on this project."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ async def pilot(port):
     """A pilot whose ground station listens on a UDP port, with an aircraft found."""
     log_subscribe(lambda *_: True)
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    configuration.system_id = 255  # as QGroundControl's; MAVSDK's own is the operator's beside us
+    # As QGroundControl's; the operator beside the pilot has MAVSDK's default.
+    configuration.system_id = 255
     async with Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
         system = await mavsdk.first_autopilot(timeout_s=FOUND_WITHIN_S)
@@ -31,7 +32,7 @@ async def pilot(port):
 
 
 class Pilot:
-    """The aircraft in MAVSDK's words."""
+    """The aircraft through MAVSDK's interface."""
 
     def __init__(self, system):
         self.action = ActionAsync(system)
@@ -40,14 +41,14 @@ class Pilot:
         self.direct = MavlinkDirectAsync(system)
 
     async def until(self, what, stream, holds, timeout_s=30.0):
-        """The first item of a stream of which something holds."""
+        """First item of a stream that meets a condition."""
         try:
             return await asyncio.wait_for(_first(stream, holds), timeout_s)
         except asyncio.TimeoutError:
             raise AssertionError(f"{what}: not within {timeout_s:g} s") from None
 
     async def give_offboard(self):
-        """The mode alone: the setpoints are another's."""
+        """Change the mode only; another process sends the setpoints."""
         main_mode = {"param1": 1 | 128, "param2": 6}
         fields = {"target_system": 1, "target_component": 1, "command": 176, **main_mode}
         message = MavlinkMessage(message_name="COMMAND_LONG", fields_json=json.dumps(fields))
@@ -56,7 +57,7 @@ class Pilot:
         await self.wait_for_mode(FlightMode.OFFBOARD)
 
     async def take_off(self, height_m):
-        """From a cold start to a hover."""
+        """Fly from a cold start to a hover."""
         telemetry = self.telemetry
         await self.until("healthy", telemetry.subscribe_health_all_ok(), bool)
         await self.action.set_takeoff_altitude(height_m)
@@ -75,7 +76,7 @@ class Pilot:
         )
 
     async def wait_for_mode(self, mode):
-        """Until the autopilot says that it is in a flight mode."""
+        """Wait until the autopilot reports a flight mode."""
         await self.until(
             mode.name, self.telemetry.subscribe_flight_mode(), lambda received: received == mode
         )
@@ -87,22 +88,22 @@ class Pilot:
         )
 
     async def fly_to(self, end_ned_m, speed_mps=2.0):
-        """Along a line, by a reference that moves a metre ahead; at rest at its end."""
+        """Fly along a line with a reference a metre ahead, to rest at its end."""
         async with contextlib.aclosing(self.telemetry.subscribe_position_velocity_ned()) as stream:
             async for received in stream:
                 here = ned(received.position, "_m")
                 left_m = math.dist(here, end_ned_m)
                 if left_m < 1.5:
                     break
-                way = [(to - at) / left_m for at, to in zip(here, end_ned_m, strict=True)]
+                direction = [(to - at) / left_m for at, to in zip(here, end_ned_m, strict=True)]
                 await self.reference(
-                    [at + part for at, part in zip(here, way, strict=True)],
-                    [speed_mps * part for part in way],
+                    [at + part for at, part in zip(here, direction, strict=True)],
+                    [speed_mps * part for part in direction],
                 )
         await self.rest_at(end_ned_m)
 
     async def rest_at(self, place_ned_m):
-        """Give a place as setpoint and wait until the aircraft says that it is there, at rest."""
+        """Send a place as setpoint and wait until the aircraft reports rest there."""
         await self.reference(place_ned_m)
 
         def there(received):
@@ -114,13 +115,13 @@ class Pilot:
         )
 
     async def land(self):
-        """Down and disarmed."""
+        """Land and wait until the aircraft is disarmed."""
         await self.action.land()
         await self.until("disarmed", self.telemetry.subscribe_armed(), lambda armed: not armed)
 
 
 def ned(value, unit):
-    """North, east, down of one of MAVSDK's values."""
+    """North, east, down of a MAVSDK value."""
     return [getattr(value, f"{axis}{unit}") for axis in ("north", "east", "down")]
 
 

@@ -17,7 +17,7 @@ VEHICLE = shipped_configs() / "vehicles" / "x500.yaml"
 
 
 def free_ports(count):
-    """UDP ports on this machine that nobody listens on."""
+    """Free UDP ports of this machine."""
     with contextlib.ExitStack() as stack:
         sockets = [
             stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -57,9 +57,9 @@ def autopilot(folder, *arguments):
 
 @contextlib.contextmanager
 def companion_beside_autopilot(folder):
-    """The fake PX4 at the site's start with our service on its companion link.
+    """The fake PX4 at the site's start with the service on its companion link.
 
-    Yields the ports on which it looks for ground stations.
+    Yields the ports to which the autopilot sends for ground stations.
     """
     companion_port, *operator_ports = free_ports(3)
     site = Site.load(SITE)
@@ -94,7 +94,7 @@ def companion_beside_autopilot(folder):
 
 
 def ordered(port, *arguments):
-    """`moar-companion command`, as its user runs it on a ground station's port."""
+    """Runs `moar-companion command` on a ground station's port, like its user."""
     return subprocess.run(
         [
             *(sys.executable, "-m", "moar_companion", "command"),
@@ -109,7 +109,7 @@ def ordered(port, *arguments):
 
 
 def truth_of(folder):
-    """Rows of the truth log so far, each a dict of numbers, with the mode's name."""
+    """Rows of the truth log so far, each a dict of numbers and the mode's name."""
     lines = (folder / "truth.csv").read_text().splitlines()
     return [
         {name: value if name == "mode" else float(value) for name, value in row.items()}

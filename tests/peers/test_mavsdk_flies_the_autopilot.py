@@ -1,4 +1,4 @@
-"""MAVSDK flies the fake autopilot as it would a real PX4; what really happened is in its truth."""
+"""MAVSDK flies the fake autopilot like a real PX4; judged by the truth log."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_arm_take_off_offboard_hold_offboard_again_land(tmp_path):
     for end_ned_m in LEGS_NED_M:
         assert any(distance_m(row, end_ned_m) < 1.0 for row in passed), end_ned_m
     speed_mps = max(math.hypot(row["vn_mps"], row["ve_mps"], row["vd_mps"]) for row in offboard)
-    assert SPEED_MPS < speed_mps < 2.5 * SPEED_MPS  # it is fed forward, to a metre ahead
+    assert SPEED_MPS < speed_mps < 2.5 * SPEED_MPS  # velocity feed-forward, one metre ahead
     end = truth[-1]
     assert (end["armed"], end["on_ground"]) == (0.0, 1.0)
     assert math.hypot(end["north_m"], end["east_m"]) < 1.0

@@ -1,4 +1,4 @@
-"""Three processes that know of each other by MAVLink: fake PX4, service, `moar-companion command`.
+"""Three processes connected by MAVLink only: fake PX4, service, `moar-companion command`.
 
 The pilot, who arms, takes off, gives the mode and lands, is MAVSDK in this process.
 """
@@ -17,12 +17,12 @@ from .processes import SITE, companion_beside_autopilot, ordered, truth_of
 
 
 def said(done):
-    """Output of a command, of which stderr must be empty."""
+    """Output of a command; its stderr must be empty."""
     assert done.stderr == ""
     return done.stdout.splitlines()
 
 
-def test_on_the_ground_it_is_heard_and_orders_are_refused_with_the_reason(tmp_path):
+def test_on_the_ground_the_companion_is_received_and_orders_are_refused_with_the_reason(tmp_path):
     with companion_beside_autopilot(tmp_path) as (port, _):
         status = ordered(port, "status", "--timeout", "20")
         refused = ordered(port, "inspection")

@@ -1,4 +1,4 @@
-"""Figures of a flight: clearance by truth, tracking, takeover, its end; as a table."""
+"""Figures of a flight: true clearance, tracking, takeover, end; as a table."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from .rig import LET_GO, Rig
 
 _RECORDED = ["SET_POSITION_TARGET_LOCAL_NED", "LOCAL_POSITION_NED", "HEARTBEAT"]
 _FRESH_S = 0.1
-"""A setpoint older than this is none, in simulated seconds."""
+"""Age beyond which a setpoint does not count, in simulated seconds."""
 _TOUCHED_DOWN_M = 0.5
 _NOTICE_S = 0.2
-"""Within which a takeover is to end the stream."""
+"""Time limit for the end of the stream after a takeover."""
 _NOTICE_ON_LOSSY_LINK_S = 0.3
-"""0.2 s under way, and five losses in a row of what tells the mode fifty times a second."""
+"""0.2 s under way, and five losses in a row of mode reports, which come fifty times a second."""
 _SWITCH_DEBOUNCE_S = 0.2
-"""ArduPilot changes the mode when the mode switch has stayed for so long (RC_Channel)."""
+"""Debounce time of ArduPilot's mode switch (RC_Channel)."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A flight in figures; None is what was not measured."""
+    """A flight in figures; None: not measured."""
 
     kind: str
     scenario: str
@@ -46,7 +46,7 @@ class Row:
     keep_out_margin_m: float | None = None
     """Hull to keep-out, least."""
     believed_margin_m: float | None = None
-    """The same by the autopilot's own position, in our mode: what the companion can know."""
+    """The same by the autopilot's own position, in the companion's mode."""
     error_mean_m: float | None = None
     error_p95_m: float | None = None
     error_max_m: float | None = None
@@ -57,7 +57,7 @@ class Row:
     """The autopilot's own position to setpoint: its tracking alone."""
     speed_max_mps: float | None = None
     let_go: str | None = None
-    """The state and the text with which the companion let go before the landing."""
+    """State and text of a release by the companion before the landing."""
     expected_let_go: bool = False
     takeover_s: float | None = None
     state: str | None = None
@@ -91,7 +91,7 @@ class Row:
 
 
 def flown(kind, scenario, folder, *, speed=None):
-    """Fly a scenario and return its row; everything that was written is in the folder."""
+    """Fly a scenario and return its row; all files are in the folder."""
     speed = scenario.speed if speed is None else speed
     reason = scenario.unable(kind)
     if reason is not None:
@@ -116,7 +116,7 @@ def flown(kind, scenario, folder, *, speed=None):
                 if rig.operator.armed:
                     rig.land()
                 rig.watch(2.0)
-    rig.decisions.read()  # the service has ended, and written all
+    rig.decisions.read()  # the service has ended and written everything
     row = _row(rig, kind, scenario, speed, problem)
     (folder / "row.json").write_text(json.dumps(asdict(row), indent=1))
     return row
@@ -130,7 +130,7 @@ def _row(rig: Rig, kind, scenario, speed, problem):
         margin = float(min(clearances_m(rig.site, points, keep_out=True))) - rig.vehicle.radius_m
     errors = _errors_m(rig, places)
     tracking, believed = _tracking_m(rig)
-    companion = [item for item in rig.operator.heard_texts if item.companion]
+    companion = [item for item in rig.operator.received_texts if item.companion]
     states = [state for _, state in rig.decisions.states]
     return Row(
         kind=kind.name,
@@ -154,7 +154,7 @@ def _row(rig: Rig, kind, scenario, speed, problem):
         landed=_landed(rig),
         states=states,
         texts=[item.text for item in companion],
-        autopilot_texts=[item.text for item in rig.operator.heard_texts if not item.companion],
+        autopilot_texts=[item.text for item in rig.operator.received_texts if not item.companion],
         notes=rig.notes,
     )
 
@@ -168,13 +168,13 @@ def _p95(values):
 
 
 def _landed(rig):
-    """True if it stands disarmed on the ground."""
+    """True if the aircraft is on the ground, disarmed."""
     places = rig.truth.places
     return bool(places) and not places[-1].armed and places[-1].position_m[2] < _TOUCHED_DOWN_M
 
 
 def _errors_m(rig, places):
-    """Distances between truth and the setpoint that was sent last, while our mode is on."""
+    """Distances from the truth to the last setpoint, in the companion's mode."""
     setpoints = list(rig.link.setpoints)
     origin = rig.operator.origin
     if not setpoints or origin is None:
@@ -198,7 +198,7 @@ def _errors_m(rig, places):
 
 
 def _tracking_m(rig):
-    """LOCAL_POSITION_NED in our mode, as recorded: distances to the setpoint sent last; places."""
+    """Recorded LOCAL_POSITION_NED in the companion's mode: distances to the setpoint; places."""
     given = MANNERS[rig.kind.autopilot].given_custom_mode
     distances, places = [], []
     for path in sorted(rig.folder.glob("flight_*/flight.tlog")):
@@ -236,7 +236,7 @@ class _Local:
 
 
 def _speed_max_mps(places, speed):
-    """The greatest over half a second, by truth."""
+    """Greatest true speed over half a second."""
     fastest = 0.0
     first = 0
     for place in places:
@@ -254,8 +254,8 @@ def _let_go(rig, companion):
     """Release by the companion before a pilot took over or gave LAND; None without one."""
     for _, state in rig.decisions.states[: rig.states_in_charge]:
         if state in LET_GO:
-            said = [text.text for text in companion if text.text.endswith(f", {state}")]
-            return said[0] if said else state
+            texts = [text.text for text in companion if text.text.endswith(f", {state}")]
+            return texts[0] if texts else state
     return None
 
 

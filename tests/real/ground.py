@@ -1,4 +1,4 @@
-"""The operator as a ground station with a memory: texts, modes, the origin; and a joystick."""
+"""The operator as a ground station that stores texts, modes and the origin; and a joystick."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TAKEOVER_MODE = {"px4": (4, 3), "ardupilot": (5, 0)}
 
 @dataclass(frozen=True)
 class Text:
-    """One that was heard, whole."""
+    """A received text, assembled from its chunks."""
 
     time_s: float
     companion: bool
@@ -33,7 +33,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Mode:
-    """Content of a heartbeat of the autopilot that differs from the one before."""
+    """Content of an autopilot heartbeat that differs from the previous one."""
 
     time_s: float
     custom_mode: int
@@ -42,7 +42,7 @@ class Mode:
 
 
 class GroundStation(Operator):
-    """An operator whose joystick, once held, is sent until it is let go. look: done as it waits."""
+    """An operator with a joystick, which is sent while held. look: called while it waits."""
 
     def __init__(self, port, autopilot, *, speed, look):
         super().__init__(port, MANNERS[autopilot], speed=speed, meanwhile=self._wait)
@@ -51,7 +51,7 @@ class GroundStation(Operator):
         self._sticks = None
         self._sticks_due_s = 0.0
         self._chunks = {}
-        self.heard_texts = []
+        self.received_texts = []
         self.modes = []
         self.origin = None
 
@@ -63,11 +63,11 @@ class GroundStation(Operator):
         self._sticks = None
 
     def fall_silent(self):
-        """Neither heartbeats nor sticks."""
+        """Stop sending heartbeats and sticks."""
         self._heartbeat_due_s = math.inf
         self.drop_sticks()
 
-    def speak_again(self):
+    def resume_sending(self):
         self._heartbeat_due_s = 0.0
 
     def flip_mode_switch(self):
@@ -76,7 +76,7 @@ class GroundStation(Operator):
         self._send(mavlink.MAVLink_rc_channels_override_message(1, 1, *channels))
 
     def ask_for_mode(self, mode):
-        """Ask for a mode and do not wait for an answer."""
+        """Request a mode without waiting for an answer."""
         self._send(
             mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, *mode, *[0.0] * (6 - len(mode)))
         )
@@ -90,8 +90,8 @@ class GroundStation(Operator):
     def reboot(self):
         self.command("reboot", 246, 1)
 
-    def learn_origin(self):
-        """Ask for the origin of the local frame until it is told."""
+    def request_origin(self):
+        """Request the origin of the local frame until it is received."""
         self.origin = None
         for _ in range(5):
             self._send(
@@ -102,8 +102,8 @@ class GroundStation(Operator):
             if self.wait_until(lambda: self.origin is not None, 1.0 * self._speed):
                 return
 
-    def forget_autopilot(self):
-        """It is started again: nothing is known of it."""
+    def reset_autopilot(self):
+        """Discard the data of an autopilot that restarts."""
         self.autopilot_received = self._healthy = False
         self._position_known = self._autopilot != "ardupilot"
         self.landed_state = 0
@@ -127,10 +127,10 @@ class GroundStation(Operator):
                 self._handle(message)
             case "HEARTBEAT" if message.get_srcComponent() == 1:
                 armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-                told = (message.custom_mode, message.system_status, armed)
+                content = (message.custom_mode, message.system_status, armed)
                 last = self.modes[-1] if self.modes else None
-                if last is None or told != (last.custom_mode, last.system_status, last.armed):
-                    self.modes.append(Mode(clock_s(), *told))
+                if last is None or content != (last.custom_mode, last.system_status, last.armed):
+                    self.modes.append(Mode(clock_s(), *content))
             case "GPS_GLOBAL_ORIGIN":
                 self.origin = (
                     message.latitude * 1e-7,
@@ -139,13 +139,13 @@ class GroundStation(Operator):
                 )
 
     def _handle(self, message):
-        """Put the chunks of a text together; an incomplete one is told as far as it came."""
+        """Assemble the chunks of a text; an incomplete text has the chunks that arrived."""
         companion = message.get_srcComponent() == COMPANION
         key = (companion, message.id)
         if message.id and message.chunk_seq and key in self._chunks:
             number = self._chunks[key]
-            before = self.heard_texts[number]
-            self.heard_texts[number] = Text(before.time_s, companion, before.text + message.text)
+            before = self.received_texts[number]
+            self.received_texts[number] = Text(before.time_s, companion, before.text + message.text)
             return
-        self._chunks[key] = len(self.heard_texts)
-        self.heard_texts.append(Text(clock_s(), companion, message.text))
+        self._chunks[key] = len(self.received_texts)
+        self.received_texts.append(Text(clock_s(), companion, message.text))

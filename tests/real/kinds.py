@@ -1,7 +1,7 @@
-"""The four aircraft that a scenario is flown on, and what makes trouble for each of them.
+"""The four aircraft of the scenarios, and the parameters that cause trouble on each of them.
 
-A real autopilot is one that the user has built; an environment variable says where. Trouble is made
-by parameters, as a ground station sets them; None is what a simulator cannot do.
+The user has built the real autopilots; an environment variable has the path of each. Trouble is
+caused by parameters, as a ground station sets them; None where a simulator cannot do it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ BASE = {
     },
     "ardupilot": {"GUID_TIMEOUT": 0.5, "FS_THR_ENABLE": 7},
 }
-"""Parameters that the README asks for before a flight."""
+"""Parameters that the README requires before a flight."""
 LOW_PERCENT, CRITICAL_PERCENT = 13.0, 6.0
 """PX4 calls 15 % low and 7 % critical; ArduPilot by `battery_thresholds`."""
 CROSSING_PERCENT = 0.5
@@ -41,19 +41,19 @@ class Kind:
 
     @property
     def path(self):
-        """Where the real one is; None where nobody said so, or for a fake one."""
+        """Path of the real autopilot; None without one, or for a fake one."""
         text = os.environ.get(VARIABLES[self.autopilot]) if self.real else None
         return Path(text).resolve() if text else None
 
     @property
     def missing(self):
-        """Reason why it cannot be flown here; None when it can."""
+        """Reason why this kind cannot be flown here; None if it can."""
         if self.real and self.path is None:
             return f"{VARIABLES[self.autopilot]} is not set"
         return None
 
     def wind(self, speed_mps, from_deg):
-        """Parameters of a wind; PX4's simulator knows the vector towards which it blows."""
+        """Parameters of a wind; PX4's simulator has the vector towards which it blows."""
         if self.real and self.autopilot == "px4":
             towards = math.radians(from_deg + 180.0)
             return {
@@ -63,9 +63,9 @@ class Kind:
         return {"SIM_WIND_DIR": from_deg, "SIM_WIND_SPD": speed_mps}
 
     def battery_thresholds(self, *, critical, acts=True):
-        """Parameters, set before the flight, that make `LOW_PERCENT` low, or `CRITICAL_PERCENT` so.
+        """Parameters before the flight that make `LOW_PERCENT` low, or `CRITICAL_PERCENT` critical.
 
-        acts: whether the autopilot is to land at critical by itself.
+        acts: True if the autopilot lands at critical.
         """
         if self.autopilot == "px4":
             return {"COM_LOW_BAT_ACT": 2 if acts else 0}
@@ -77,7 +77,7 @@ class Kind:
         }
 
     def gps(self, found):
-        """Parameters of a receiver that has a fix or not."""
+        """Parameters of a receiver with or without a fix."""
         if not self.real:
             return {"SIM_GPS_MODE": 0 if found else 1}
         if self.autopilot == "px4":

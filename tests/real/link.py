@@ -17,7 +17,7 @@ _POLL_S = 0.01
 class Link(Tap):
     """A tap whose datagrams may be lost or late; late ones overtake each other.
 
-    Seconds of delay are the simulator's, `speed` of them in a real one. The same seed draws the
+    Delays are in simulator seconds, `speed` of them in a real second. The same seed draws the
     same losses and delays.
     """
 
@@ -31,7 +31,7 @@ class Link(Tap):
         super().__init__(service_port)
 
     def impair(self, loss, least_delay_s, most_delay_s):
-        """From now on, both ways, so much is lost and the rest is so late."""
+        """Set loss and delay for both directions."""
         self._loss, self._delay_s = loss, (least_delay_s, most_delay_s)
 
     def _carry(self):

@@ -1,4 +1,4 @@
-"""One aircraft of any of the four kinds, the service beside it, and a pilot on the ground."""
+"""One aircraft of any of the four kinds, the service, and a pilot on the ground."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from .link import Link
 LET_GO = ("released", "overridden")
 _IN_AIR = 2
 _START_S = 60.0
-"""Real seconds within which a process is heard."""
+"""Real seconds within which the first packet of a process is received."""
 _LONGEST_FLIGHT_S = 240.0
 
 
 class RealService(Service):
-    """The service on the simulator's clock; every start writes into the same log."""
+    """The service on the simulator's clock; all starts write into one log."""
 
     def __init__(self, folder, port, speed, **config):
         super().__init__(folder, port, **config)
@@ -60,7 +60,7 @@ class RealService(Service):
 
 @dataclass(frozen=True)
 class Place:
-    """Where the aircraft really was; time_s by `clock_s`, as it was read."""
+    """True place of the aircraft; time_s by `clock_s` when it was read."""
 
     time_s: float
     position_m: tuple[float, float, float]
@@ -120,7 +120,7 @@ class Decisions:
         self._folder = folder
         self._read = {}
         self.states = []
-        """Each new state and what came with it: (time of day, state)."""
+        """Each new state: (time of day, state)."""
         self.plans = 0
 
     @property
@@ -145,7 +145,7 @@ class Decisions:
 
 
 class Rig:
-    """Aircraft, link, service and operator. Seconds are the simulator's, but those of `clock_s`."""
+    """Aircraft, link, service and operator. Seconds are the simulator's, except of `clock_s`."""
 
     def __init__(self, kind, folder, stack, *, vehicle="x500", speed=1.0, parameters=None):
         self.kind, self.folder, self.speed = kind, folder, speed
@@ -199,7 +199,7 @@ class Rig:
     # The processes.
 
     def start_autopilot(self):
-        """Power on, at the site's start; the second time it is a restart with fresh parameters."""
+        """Power on at the site's start; the second call is a restart with default parameters."""
         self._starts += 1
         truth = self.folder / f"truth{self._starts}.csv"
         home = self.site.frame.to_geodetic((self.site.start_m[0], 0.0, 0.0))
@@ -241,9 +241,9 @@ class Rig:
             self._autopilot = None
 
     def restart_autopilot(self):
-        """Off, and on again."""
+        """Power the autopilot off and on."""
         self._end_autopilot()
-        self.operator.forget_autopilot()
+        self.operator.reset_autopilot()
         self.start_autopilot()
 
     def _end_service(self):
@@ -251,7 +251,7 @@ class Rig:
             self.service.end(signal.SIGKILL)
 
     def start_service(self):
-        """Start it; returns once it is heard."""
+        """Start the service; returns when its heartbeat is received."""
         self.operator.companion_received = False
         self.service.start()
         self.wait_for(
@@ -268,11 +268,11 @@ class Rig:
         self.operator.wait_for(what, lambda: self._look() and condition(), timeout_s)
 
     def watch(self, seconds):
-        """Let it fly, and read what the ground station hears."""
+        """Let the aircraft fly, and read what the ground station receives."""
         self.operator.wait_until(lambda: not self._look(), seconds)
 
     def wait_for_state(self, *states, timeout_s=_LONGEST_FLIGHT_S, since=None):
-        """Until the service was in one of these states after `since` of them (`count`), or is now.
+        """Waits until the service is in one of these states, or was after `since` states (`count`).
 
         A release that was not expected ends the wait.
         """
@@ -303,14 +303,14 @@ class Rig:
     # The flight.
 
     def boot(self):
-        """Until the autopilot would arm."""
+        """Waits until the autopilot is ready to arm."""
         operator = self.operator
         self.wait_for("the autopilot", lambda: operator.autopilot_received, _START_S * self.speed)
         operator.request_messages()
         self.wait_for("ready to arm", lambda: operator.ready_to_arm, max(90.0, 20.0 * self.speed))
 
     def take_off(self):
-        """To a hover a little above the site's start."""
+        """Take off to a hover above the site's start."""
         operator = self.operator
         height_m = self.site.start_m[1] + 0.5
         for attempts_left in reversed(range(10)):
@@ -323,13 +323,13 @@ class Rig:
                 self.watch(3.0)
         self.wait_for("in the air", lambda: operator.landed_state == _IN_AIR, 30.0)
         self.wait_for("take-off done", lambda: operator.altitude_m > height_m - 0.7, 30.0)
-        operator.learn_origin()
+        operator.request_origin()
         if self.kind.autopilot == "ardupilot":
-            operator.hold_sticks()  # else LOITER sinks
+            operator.hold_sticks()  # otherwise LOITER descends
         self.watch(4.0)
 
     def begin(self, mission=INSPECTION, index=-1):
-        """Order a mission and give our mode for it."""
+        """Order a mission and give the companion's mode."""
         operator = self.operator
         since = self.count
         operator.order_target(mission, index)
@@ -338,7 +338,7 @@ class Rig:
         self.wait_for_state("flying", timeout_s=5.0 + 3.0 * self.speed, since=since)
 
     def up_and_flying(self, index=-1):
-        """From power-on to a flight that is under way."""
+        """Fly from power-on to a started mission."""
         self.boot()
         self.start_service()
         self.operator.wait_compiled()
@@ -354,7 +354,7 @@ class Rig:
             self.operator.set_parameter(name, value)
 
     def set_battery(self, percent):
-        """Have the battery hold so much; on a real ArduPilot 2 s later."""
+        """Set the charge of the battery; a real ArduPilot needs 2 s."""
         if self.kind.real and self.kind.autopilot == "ardupilot":
             percent += CROSSING_PERCENT
         if self.kind.real:
@@ -363,7 +363,7 @@ class Rig:
             self.set({"SIM_BATT_PCT": percent})
 
     def take_over(self, ask):
-        """The pilot takes over by what `ask` does; when the stream ended is noted."""
+        """The pilot takes over with `ask`; notes the end of the stream."""
         self.expects_release = True
         self.states_in_charge = self.count
         asked_s = clock_s()
@@ -376,14 +376,14 @@ class Rig:
         return TAKEOVER_MODE[self.kind.autopilot]
 
     def land(self, *, above_landing_point=False):
-        """LAND, until it stands disarmed.
+        """LAND; waits until the aircraft is on the ground, disarmed.
 
-        Elsewhere than above a landing point it is the operator's doing what it then touches.
+        Elsewhere than above a landing point the operator is responsible for collisions.
         """
         self.expects_release = True
         if not above_landing_point and self.judged is None:
             self.judged = len(self.truth.places)
-        self.watch(1.5 * self.speed)  # until what was decided before is written
+        self.watch(1.5 * self.speed)  # until earlier decisions are written
         if self.states_in_charge is None:
             self.states_in_charge = self.count
         self.operator.land()

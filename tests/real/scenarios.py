@@ -1,7 +1,7 @@
-"""Scenarios that are flown on every kind of aircraft. A scenario flies a rig, and prints nothing.
+"""Scenarios for every kind of aircraft. A scenario flies a rig, and prints nothing.
 
-Its figures are taken afterwards (`figures.py`); OperatorError ends it where something did not
-happen.
+Its figures are computed afterwards (`figures.py`); OperatorError ends it if an expected event
+did not happen.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ _INNER_REACHED_S = 200.0
 _WIND_MPS, _WIND_S = 13.0, 14.0
 _WIND_FROM_DEG = 250.0
 _FENCE_M = 11.0
-"""Around where it took off: the outer target is inside, both landing points are not."""
+"""Radius around the take-off: the outer target is inside, both landing points are outside."""
 _LOSS, _LEAST_DELAY_S, _MOST_DELAY_S = 0.3, 0.05, 0.2
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """fly: what is done. let_go: whether the companion is to let go of the aircraft in it.
+    """fly: the actions. let_go: True if the companion is expected to release control.
 
-    parameters: set before the start. unable: why a kind cannot fly it; None where it can.
+    parameters: set before the start. unable: reason why a kind cannot fly it; None if it can.
     """
 
     name: str
@@ -49,7 +49,7 @@ def nominal(rig):
 
 
 def exit_and_land(rig, mission=EXIT):
-    """Out to the landing point, and down."""
+    """Fly an escape route to the landing point, and land."""
     since = rig.count
     rig.order(mission)
     rig.wait_for_state("holding", since=since)
@@ -57,7 +57,7 @@ def exit_and_land(rig, mission=EXIT):
 
 
 def to_the_inner_target(rig):
-    """Between the circuits, at rest."""
+    """Fly to the target between the circuits."""
     rig.up_and_flying(INNER)
     rig.wait_for_state("at_target", "holding", timeout_s=_INNER_REACHED_S)
     rig.watch(2.0)
@@ -74,19 +74,19 @@ def evacuation_from_inside(rig):
 
 
 def low_battery_inside(rig):
-    """The battery falls low between the circuits; the companion leads out by itself."""
+    """The battery becomes low between the circuits; the companion begins the exit."""
     to_the_inner_target(rig)
-    _lead_out(rig, LOW_PERCENT)
+    _wait_for_escape(rig, LOW_PERCENT)
 
 
 def critical_battery_inside(rig):
-    """Critical at once, where an autopilot that landed by itself would hit a conductor."""
+    """Critical at once, where the autopilot's own landing would hit a conductor."""
     to_the_inner_target(rig)
-    _lead_out(rig, CRITICAL_PERCENT)
+    _wait_for_escape(rig, CRITICAL_PERCENT)
 
 
-def _lead_out(rig, percent):
-    """Until it hovers above a landing point, or is down, or was let go of for a while."""
+def _wait_for_escape(rig, percent):
+    """Runs until the aircraft hovers above a landing point, is down, or was released earlier."""
     since = rig.count
     rig.set_battery(percent)
     rig.wait_for_state("landing_leg", *LET_GO, timeout_s=90.0, since=since)
@@ -99,7 +99,7 @@ def _lead_out(rig, percent):
 
 
 def critical_battery_after_low(rig):
-    """Low between the circuits, critical above the landing point, where the autopilot then acts."""
+    """Low between the circuits, critical above the landing point, where the autopilot acts."""
     to_the_inner_target(rig)
     since = rig.count
     rig.set_battery(LOW_PERCENT)
@@ -112,7 +112,7 @@ def critical_battery_after_low(rig):
 
 
 def wind_and_calm(rig):
-    """Blown off by more wind than it can hold; then calm, and back as far as it comes in 45 s."""
+    """Blown off by more wind than the aircraft can hold; then calm, and recovery for 45 s."""
     rig.up_and_flying(OUTER)
     rig.watch(4.0)
     rig.set(rig.kind.wind(_WIND_MPS, _WIND_FROM_DEG))
@@ -123,7 +123,7 @@ def wind_and_calm(rig):
 
 
 def kill_minus_nine(rig):
-    """The service is killed in flight, is started again, and continues."""
+    """The service is killed in flight, restarts, and continues after an order."""
     rig.up_and_flying(INNER)
     rig.watch(5.0)
     rig.kill_service()
@@ -140,7 +140,7 @@ def kill_minus_nine(rig):
 
 
 def takeover_by_mode(rig):
-    """HOLD or LOITER from the ground station; our mode is given back and nothing happens."""
+    """HOLD or LOITER from the ground station; the mode given back starts nothing."""
     rig.up_and_flying(INNER)
     rig.watch(5.0)
     rig.take_over(lambda: rig.operator.ask_for_mode(rig.takeover_mode()))
@@ -165,7 +165,7 @@ def takeover_by_sticks(rig):
 
 
 def gps_loss(rig):
-    """For 20 s there is no fix."""
+    """No GNSS fix for 20 s."""
     rig.up_and_flying(INNER)
     rig.watch(5.0)
     rig.expects_release = True
@@ -183,7 +183,7 @@ def gcs_loss(rig):
     rig.expects_release = True
     rig.operator.fall_silent()
     rig.watch(20.0)
-    rig.operator.speak_again()
+    rig.operator.resume_sending()
     rig.watch(4.0)
     _down(rig)
 
@@ -210,7 +210,7 @@ def rc_loss(rig):
 
 
 def _down(rig):
-    """LAND, unless the autopilot has brought it down already."""
+    """LAND, unless the autopilot has landed already."""
     if rig.operator.armed:
         rig.land()
 
@@ -231,7 +231,7 @@ def fence(rig):
 
 
 def reboot(rig):
-    """Refused in the air; after the landing the autopilot is started again, and flies again."""
+    """A reboot is refused in the air; after the landing the autopilot reboots and flies again."""
     rig.up_and_flying(OUTER)
     rig.watch(3.0)
     try:
@@ -241,12 +241,12 @@ def reboot(rig):
     rig.wait_for_state("at_target", "holding")
     rig.land()
     rig.watch(3.0)
-    rig.operator.drop_sticks()  # a throttle in its middle is not armed
+    rig.operator.drop_sticks()  # the autopilot does not arm with a middle throttle
     rig.restart_autopilot()
     rig.expects_release = False
     rig.boot()
     rig.take_off()
-    rig.watch(12.0)  # the estimator's resets on the ground count for so long
+    rig.watch(12.0)  # resets of the estimator on the ground count for 12 s
     rig.begin(INSPECTION, OUTER)
     rig.wait_for_state("at_target", "holding")
     rig.land()
@@ -270,7 +270,7 @@ def lossy_link(rig):
 
 
 def started_in_the_air(rig):
-    """The service is started when the aircraft hovers."""
+    """The service starts while the aircraft hovers."""
     rig.boot()
     rig.take_off()
     rig.start_service()
@@ -287,7 +287,7 @@ def _fence_parameters(kind):
 
 
 def _switch_parameters(kind):
-    """LOITER where the switch is turned to, and where it is when the override has expired."""
+    """LOITER at the switch position of the pilot, and at the one after the override has expired."""
     return {"FLTMODE4": 5, "FLTMODE6": 5} if kind.autopilot == "ardupilot" else {}
 
 

@@ -3,7 +3,7 @@
     python -m tests.real.table OUT --on fake-px4,real-px4 --scenario nominal,exit
 
 OUT is a folder: a folder for each flight, rows.jsonl, table.md. Flights that are in rows.jsonl
-already are flown again, and their rows replaced.
+already are flown again, and their rows are replaced.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .scenarios import SCENARIOS
 
 
 def main():
-    """Exit status 0 when nothing is to be said against any flight that was flown."""
+    """Exit status 0 when no flown flight has a fault."""
     parser = argparse.ArgumentParser(prog="table")
     parser.add_argument("out", type=Path)
     parser.add_argument("--on", default=",".join(KINDS))
@@ -38,8 +38,8 @@ def main():
             folder = arguments.out.resolve() / name / scenario
             shutil.rmtree(folder, ignore_errors=True)
             row = flown(kind, SCENARIOS[scenario], folder, speed=arguments.speed)
-            told = row.unable or "; ".join(row.faults) or "nothing against it"
-            sys.stdout.write(f"{name} {scenario}: {told}\n")
+            result = row.unable or "; ".join(row.faults) or "nothing against it"
+            sys.stdout.write(f"{name} {scenario}: {result}\n")
             sys.stdout.flush()
             faults += bool(row.faults) and not row.unable
             keep(arguments.out, row)
@@ -53,8 +53,8 @@ def keep(out, row):
     rows = {}
     if file.exists():
         for line in file.read_text().splitlines():
-            known = Row(**json.loads(line))
-            rows[known.scenario, known.kind] = known
+            other = Row(**json.loads(line))
+            rows[other.scenario, other.kind] = other
     rows[row.scenario, row.kind] = row
     order = [(scenario, kind) for scenario in SCENARIOS for kind in KINDS]
     there = [rows[key] for key in order if key in rows]

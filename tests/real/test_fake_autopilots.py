@@ -1,4 +1,4 @@
-"""The scenarios of the real autopilots hold on the fake ones, by the same figures."""
+"""The scenarios of the real autopilots on the fake ones, with the same figures."""
 
 from __future__ import annotations
 

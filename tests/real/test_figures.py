@@ -1,4 +1,4 @@
-"""Objections of a flight's figures, and their rows in the table."""
+"""Faults found in a flight's figures, and rows of the table."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def changed(**values):
     return Row(**{**{name: getattr(FLOWN, name) for name in FLOWN.__dataclass_fields__}, **values})
 
 
-def test_nothing_is_said_against_a_flight_that_went_well():
+def test_a_good_flight_has_no_faults():
     assert FLOWN.faults == []
 
 
@@ -46,12 +46,12 @@ def test_nothing_is_said_against_a_flight_that_went_well():
         ({"problem": "flying: not within 5 s"}, "not within"),
     ],
 )
-def test_what_went_wrong_is_told(values, fault):
-    (told,) = changed(**values).faults
-    assert fault in told
+def test_a_fault_of_a_flight_is_reported(values, fault):
+    (reported,) = changed(**values).faults
+    assert fault in reported
 
 
-def test_a_takeover_is_to_be_noticed_and_is_nothing_against_the_companion():
+def test_a_detected_takeover_is_no_fault_of_the_companion():
     assert (
         changed(
             let_go="MOAR: autopilot in HOLD, overridden",
@@ -70,7 +70,7 @@ def test_a_mode_switch_of_ardupilot_counts_without_its_debounce():
     assert changed(kind="real-ardupilot", **turned).faults != []
 
 
-def test_the_table_has_a_line_for_each_flight_and_says_what_was_not_flown():
+def test_the_table_has_a_line_for_each_flight_and_lists_flights_that_were_not_flown():
     lines = table([FLOWN, changed(unable="no wind")]).splitlines()
     assert len(lines) == 4
     assert {line.count("|") for line in lines} == {lines[0].count("|")}
@@ -103,6 +103,6 @@ def test_every_scenario_is_flown_on_every_kind_but_where_a_simulator_cannot():
     }
 
 
-def test_a_path_that_is_no_autopilot_is_named(tmp_path):
+def test_a_path_without_an_autopilot_is_named_in_the_error(tmp_path):
     with pytest.raises(RealError, match=str(tmp_path)):
         autopilot_at(tmp_path)

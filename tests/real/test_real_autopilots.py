@@ -1,4 +1,4 @@
-"""Real autopilots, which the user has built, fly what the fake ones fly (sitl/REAL.md)."""
+"""Real autopilots, built by the user, fly the scenarios of the fake ones (sitl/REAL.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A real ArduPilot is given a key, and flies with the service on signed links alone.
+"""A real ArduPilot receives a key, and flies with the service on signed links alone.
 
 PX4 v1.17 has no signatures; the fake autopilots fly on signed links in tests/scenarios.
 """
@@ -27,7 +27,7 @@ ARDUPILOT = KINDS["real-ardupilot"]
 
 
 def sign(rig, secret):
-    """The operator gives the autopilot the key, disarmed, on its first port; then all sign."""
+    """The operator sends the key to the disarmed autopilot on its first port; then all sign."""
     operator, timestamp = rig.operator, int((time.time() - EPOCH_S) * 100_000)
     operator._send(mavlink.MAVLink_setup_signing_message(1, 1, list(secret), timestamp))
     signing = operator._codec.signing

@@ -1,4 +1,4 @@
-"""Every call that enters the machine is logged, once, with its answer."""
+"""Every call into the machine is logged once, with its answer."""
 
 import inspect
 
@@ -13,10 +13,10 @@ from moar_companion.recording.calls import (
 from ..flights.lockstep import COMPANION_LINK, Lockstep
 
 QUESTIONS = {"peers", "received_packets"}
-"""Methods that neither change what the machine decides nor tell what it decided."""
+"""Methods that neither change nor return a decision of the machine."""
 
 
-def test_every_method_of_the_machine_is_logged_but_those_that_only_ask():
+def test_every_method_of_the_machine_is_logged_except_those_that_only_read():
     methods = {
         name
         for name, item in inspect.getmembers(Companion, inspect.isfunction)
@@ -31,7 +31,7 @@ def test_every_input_with_arguments_has_their_types():
         assert len(_ARGUMENTS.get(name, ())) == len(parameters), name
 
 
-def test_what_a_call_calls_itself_is_not_logged_again():
+def test_a_call_inside_a_logged_call_is_not_logged_again():
     companion = Lockstep().companion
     companion.take_in([(0.0, COMPANION_LINK, b"noise", None)], 0.02)
     companion.tick(0.02)

@@ -49,7 +49,7 @@ def messages():
 
 
 def misfits(shape, value, path=""):
-    """Where a value is not as its shape: null is allowed, fields of no shape are not."""
+    """Places where a value differs from its shape: null is allowed, unknown fields are not."""
     if value is None or shape == {}:
         return
     if isinstance(shape, dict):

@@ -1,4 +1,4 @@
-"""No key that is received is ever recorded; everything else is, byte for byte."""
+"""Recordings contain no received key, and all other data byte for byte."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Values come back from JSON as they were, to the last bit."""
+"""Values keep every bit through JSON."""
 
 import json
 import math
@@ -57,6 +57,6 @@ def test_other_inputs_of_the_machine_come_back_equal(value):
     assert through_json(type(value), value) == value
 
 
-def test_what_is_no_value_is_refused():
+def test_an_object_that_is_no_value_is_refused():
     with pytest.raises(TypeError, match="function is no value"):
         encoded({"call": lambda: None})

@@ -1,4 +1,4 @@
-"""The command: compares recorded flights, renews and makes them."""
+"""The command: compares, renews and makes recorded flights."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.traces.flights import FLIGHTS
 
 FOLDER = Path(__file__).parents[1] / "data" / "recordings"
 WHOLE_BYTES = 1 << 30
-"""One chunk a file: it is never cut short, and is compressed best."""
+"""One chunk per file: files are never cut short, and compress best."""
 
 Cycle = tuple[float, list[list[Any]]]
 
@@ -46,9 +46,9 @@ def write(path: Path, cycles: Iterable[Cycle]) -> None:
 
 
 def renewed(cycles: Iterable[Cycle]) -> Iterator[Cycle]:
-    """The same inputs with the answers of today.
+    """The same inputs with new answers.
 
-    A job that is as recorded keeps its recorded plan; to others there is a new one a cycle later.
+    A job equal to the recorded one keeps its recorded plan; others get a new plan a cycle later.
     """
     replay = ExactReplay()
     kept: set[tuple[str, int]] = set()
@@ -81,7 +81,7 @@ def renewed(cycles: Iterable[Cycle]) -> Iterator[Cycle]:
 
 
 def flown(story: str) -> Iterator[Cycle]:
-    """The calls of a story in lockstep, a cycle each."""
+    """Calls of a story in lockstep, grouped by cycle."""
     ready, fly = FLIGHTS[story]
     fly(flight := ready())
     calls: list[list[Any]] = []

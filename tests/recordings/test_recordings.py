@@ -1,4 +1,4 @@
-"""Each recorded flight is decided and sent again as it was."""
+"""Each replayed recording gives the same decisions and packets."""
 
 import json
 
@@ -12,7 +12,7 @@ from tests.recordings.command import names, path_of, renewed, write
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", names())
-def test_a_recorded_flight_is_decided_and_sent_again_as_it_was(name):
+def test_a_replayed_recording_gives_the_same_decisions_and_packets(name):
     replay = ExactReplay()
     for _, calls in McapRecording(str(path_of(name))).cycles():
         for method, data, options, recorded in calls:
@@ -22,7 +22,7 @@ def test_a_recorded_flight_is_decided_and_sent_again_as_it_was(name):
 
 
 def assert_same(recorded, recomputed, where):
-    """The last digits of numbers may differ: they do between kinds of processors."""
+    """Asserts equality except for the last digits, which differ between kinds of processors."""
     if isinstance(recorded, dict) and isinstance(recomputed, dict):
         assert recorded.keys() == recomputed.keys(), where
         for name, value in recorded.items():
@@ -41,7 +41,7 @@ def shortest():
     return min(names(), key=lambda name: path_of(name).stat().st_size)
 
 
-def test_a_renewed_recording_has_the_inputs_of_before_and_the_answers_of_today(tmp_path, capsys):
+def test_a_renewed_recording_keeps_the_inputs_and_has_new_answers(tmp_path, capsys):
     cycles = [
         cycle
         for cycle, _ in zip(

@@ -1,4 +1,4 @@
-"""Which autopilots a story is flown with."""
+"""Marks: the autopilots with which a scenario is flown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ BOTH = pytest.mark.parametrize("manner", Manner)
 
 
 def _first(manner):
-    """With one of them, and with MOAR_THOROUGH=1 with the other, where they hardly differ."""
+    """One autopilot, and with MOAR_THOROUGH=1 both, where they hardly differ."""
     return pytest.mark.parametrize("manner", sampled([manner], list(Manner)))
 
 

@@ -62,7 +62,7 @@ def moved_m(flight, since_s):
     return max(math.dist(steps[first], place) for place in steps[first:])
 
 
-def test_nothing_is_streamed_until_it_is_in_the_air_and_the_take_off_is_not_cancelled():
+def test_nothing_is_streamed_before_the_aircraft_is_in_the_air_so_the_take_off_continues():
     flight = Lockstep(vehicle="x500", manner=Manner.ARDUPILOT)
     while not flight.operator.has_received("EKF3 IMU0 is using GPS"):
         flight.move()
@@ -92,7 +92,7 @@ def test_an_aircraft_already_in_guided_flies_as_soon_as_it_is_ordered():
 
 
 @pytest.mark.slow
-def test_the_wind_is_known_from_drag_fusion_only():
+def test_the_wind_is_reported_with_drag_fusion_only():
     blind = in_flight()
     blind.run_in_wind(6.0, 300.0, 40.0)
     assert blind.companion.telemetry.wind is None
@@ -112,12 +112,12 @@ def test_the_wind_is_known_from_drag_fusion_only():
     ("action", "state"), [(1, "released"), (2, "idle")], ids=["land", "return"]
 )
 @pytest.mark.parametrize("authority", ENGAGE_FIRST)
-def test_a_battery_failsafe_is_left_to_the_autopilot_though_guided_could_be_had(
+def test_a_battery_failsafe_is_left_to_the_autopilot_even_if_guided_is_available(
     authority, action, state
 ):
-    """An aircraft that lands is refused; the return flies away from the hold it is offered.
+    """During a landing an order is refused; during a return the aircraft leaves the offered hold.
 
-    It does so late: above home it waits for RTL_LOIT_TIME before it sinks.
+    The return leaves late: above home the autopilot waits for RTL_LOIT_TIME before it descends.
     """
     actions = {"BATT_LOW_VOLT": 11.4, "BATT_CRT_VOLT": 0.0, "BATT_FS_LOW_ACT": action}
     flight = in_flight(authority=authority, options={"parameters": actions})
@@ -137,18 +137,18 @@ def test_a_battery_failsafe_is_left_to_the_autopilot_though_guided_could_be_had(
         left_m = [math.dist(hold, place) for place in true_places(flight)]
         steps = round((flight.now_s - offered[-1].time_s) / STEP_S)
         most_m = flight.vehicle.guidance.tracking_hold_m
-        assert left_m[-1 - steps] <= most_m + 0.3  # as well as the position is known
+        assert left_m[-1 - steps] <= most_m + 0.3  # within the position error
         assert min(left_m[-steps:]) >= most_m - 0.3
     assert not flight.operator.in_mode("ours")
     assert len(mode_requests(flight)) == asked
 
 
-def test_an_orderly_silence_leaves_the_aircraft_where_it_was():
+def test_after_an_orderly_end_the_aircraft_stays_at_its_place():
     flight = in_flight()
     released, speed_mps = flight.now_s, speed_of(flight)
     flight.operator.mission(RELEASE)
     flight.run(10.0)
-    assert flight.operator.in_mode("ours")  # GUIDED holds, without a word
+    assert flight.operator.in_mode("ours")  # GUIDED holds without setpoints
     last = flight.setpoints[-1].message
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
     assert moved_m(flight, released) < STOPS_WITHIN_S * speed_mps
@@ -158,8 +158,8 @@ def test_an_orderly_silence_leaves_the_aircraft_where_it_was():
 @pytest.mark.parametrize(
     ("timeout_s", "farthest"), [(0.5, 1.0), pytest.param(3.0, 3.0, marks=pytest.mark.slow)]
 )
-def test_a_companion_that_fails_is_flown_on_for_guid_timeout(timeout_s, farthest):
-    """GUID_TIMEOUT times the speed, and what it takes to stop."""
+def test_after_a_companion_failure_the_aircraft_flies_on_for_guid_timeout(timeout_s, farthest):
+    """GUID_TIMEOUT times the speed, plus the stopping distance."""
     flight = in_flight(1.5, options={"parameters": {"GUID_TIMEOUT": timeout_s}})
     message = flight.setpoints[-1].message
     speed_mps = math.hypot(message.vx, message.vy, message.vz)
@@ -176,8 +176,8 @@ def test_a_companion_that_fails_is_flown_on_for_guid_timeout(timeout_s, farthest
     assert_setpoints_keep_to_free_space(flight)
 
 
-def test_the_pilot_takes_over_by_his_mode_switch_while_his_words_to_us_are_lost():
-    """Dropped setpoints in another mode do no harm; GUIDED given back starts nothing."""
+def test_the_pilots_mode_switch_takes_over_while_mode_reports_to_the_companion_are_lost():
+    """The autopilot drops setpoints in another mode; GUIDED given back starts nothing."""
     flight = in_flight()
     flight.deaf = True
     flight.operator.mode("hold")
@@ -193,7 +193,7 @@ def test_the_pilot_takes_over_by_his_mode_switch_while_his_words_to_us_are_lost(
 
 
 def test_an_order_is_answered_once_though_the_autopilot_broadcasts_it_too():
-    """To component 0 the autopilot answers UNSUPPORTED, and the companion what it does."""
+    """For component 0 the autopilot answers UNSUPPORTED, and the companion with its own result."""
     flight = hovering(vehicle="x500", manner=Manner.ARDUPILOT)
     flight.operator.command(31010, INSPECTION, -1, component=0)
     flight.run(1.0)
@@ -206,8 +206,8 @@ def test_an_order_is_answered_once_though_the_autopilot_broadcasts_it_too():
     assert flight.state == "flying"
 
 
-def test_the_heading_stays_on_what_is_inspected():
-    """Without a yaw ArduPilot turns its nose into the direction of travel."""
+def test_the_heading_stays_on_the_inspected_target():
+    """Without a yaw ArduPilot turns the nose into the direction of flight."""
     flight = in_flight()
     yaws = [setpoint.message.yaw for setpoint in flight.setpoints]
     flown = [truth.attitude_rad[2] for truth in flight.truths][-len(yaws) :]
@@ -217,9 +217,7 @@ def test_the_heading_stays_on_what_is_inspected():
 
 @pytest.mark.parametrize("authority", ENGAGE_FIRST)
 @pytest.mark.parametrize("action", [1, 2, 4], ids=["return", "land", "brake"])
-def test_a_fence_breach_whose_status_stays_active_is_as_good_as_a_pilots_override(
-    authority, action
-):
+def test_a_fence_breach_with_status_active_ends_control_like_a_takeover(authority, action):
     fence = {"FENCE_ENABLE": 1, "FENCE_ACTION": action}
     flight = in_flight(authority=authority, options={"parameters": fence})
     asked = len(mode_requests(flight))

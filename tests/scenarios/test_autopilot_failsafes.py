@@ -1,4 +1,4 @@
-"""Failsafes that ArduPilot reports while GUIDED goes on, and lost links that end our mode."""
+"""Failsafes that ArduPilot reports while GUIDED stays on; lost links that end GUIDED."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..flights.operator import (
 )
 
 WARNS = {"BATT_LOW_VOLT": 11.4, "BATT_FS_LOW_ACT": 0, "BATT_CRT_VOLT": 0.0, "BATT_LOW_TIMER": 1}
-"""A low battery is told and nothing is done, as by default."""
+"""A low battery is reported without an action, as by default."""
 GOES_ON = {"FS_THR_ENABLE": 1, "FS_OPTIONS": 4}
 """A lost remote control does not end GUIDED."""
 LOW_V = 11.0
@@ -52,7 +52,7 @@ def states_since(flight, time_s):
 
 
 def test_a_low_battery_without_an_action_does_not_end_the_escape_route():
-    """Out of the inner position: flown to its end, in status 5."""
+    """From the inner position, flown to its end in system status 5."""
     flight = guided(options={"parameters": WARNS}, start_m=(15.0, 0.0))
     flight.begin(INSPECTION, 1)
     flight.run_until_state("at_target", 120.0)
@@ -68,7 +68,7 @@ def test_a_low_battery_without_an_action_does_not_end_the_escape_route():
     assert_setpoints_keep_to_free_space(flight)
 
 
-def test_a_low_battery_without_an_action_leads_an_inspection_out():
+def test_a_low_battery_without_an_action_ends_an_inspection_with_an_exit():
     flight = in_flight(options={"parameters": WARNS})
     low_s = flight.now_s
     flight.autopilot.conditions.battery_voltage_v = LOW_V
@@ -83,7 +83,7 @@ def test_a_low_battery_without_an_action_leads_an_inspection_out():
     assert flight.state == "landing_leg"
 
 
-def test_a_lost_remote_control_that_does_not_end_guided_is_held_for_and_then_flown_on():
+def test_an_rc_loss_that_does_not_end_guided_holds_the_mission_which_then_resumes():
     flight = in_flight(options={"parameters": GOES_ON})
     lost_s = flight.now_s
     flight.autopilot.set_parameter("SIM_RC_FAIL", 1)
@@ -112,7 +112,7 @@ def test_an_exit_goes_on_without_a_remote_control():
     assert states_since(flight, ordered_s) <= {"flying", "landing_leg"}
 
 
-def test_what_is_released_while_the_mode_is_ours_ends_with_a_setpoint_at_rest():
+def test_a_release_in_the_companions_mode_ends_with_a_setpoint_at_rest():
     flight = in_flight(options={"parameters": GOES_ON})
     flight.autopilot.set_parameter("SIM_RC_FAIL", 1)
     flight.run_until(lambda: 5 in statuses(flight), 3.0)
@@ -136,7 +136,7 @@ def test_a_pilot_who_takes_over_during_a_failsafe_has_overridden():
     assert flight.last_setpoint_s <= took_s + 0.2
 
 
-def test_a_landing_ordered_while_a_failsafe_stands_is_not_told_as_the_failsafes():
+def test_a_landing_ordered_during_a_failsafe_is_not_reported_as_the_failsafes():
     flight = in_flight(options={"parameters": WARNS})
     flight.autopilot.conditions.battery_voltage_v = LOW_V
     flight.run_until(lambda: 5 in statuses(flight), 5.0)
@@ -148,7 +148,7 @@ def test_a_landing_ordered_while_a_failsafe_stands_is_not_told_as_the_failsafes(
     assert not flight.operator.has_received("failsafe chose")
 
 
-def test_a_landing_that_a_second_failsafe_chooses_is_told_as_its_own():
+def test_a_landing_that_a_second_failsafe_chooses_is_reported_as_the_failsafes():
     critical = WARNS | {"BATT_CRT_VOLT": LOW_V - 1.0, "BATT_FS_CRT_ACT": 1}
     flight = in_flight(options={"parameters": critical})
     flight.autopilot.conditions.battery_voltage_v = LOW_V
@@ -202,8 +202,8 @@ def test_a_lost_link_that_the_autopilot_acts_on_releases(manner, lose, within_s)
 # Orders -----------------------------------------------------------------------------------------
 
 
-def test_guided_taken_out_of_a_landing_is_the_air_although_the_landing_is_still_told():
-    """EXTENDED_SYS_STATE tells a landing for 40 to 110 ms after it was ended."""
+def test_guided_during_a_landing_counts_as_in_the_air_while_the_landing_is_still_reported():
+    """EXTENDED_SYS_STATE reports a landing for 40 to 110 ms after its end."""
     flight = guided()
     flight.begin(INSPECTION)
     flight.run(4.0)
@@ -217,7 +217,7 @@ def test_guided_taken_out_of_a_landing_is_the_air_although_the_landing_is_still_
     assert flight.state in {"flying", "landing_leg"}
 
 
-def test_an_order_that_another_operators_overtakes_is_cancelled_with_a_text():
+def test_an_order_that_a_newer_order_overtakes_is_cancelled_with_a_text():
     flight = in_flight()
     flight.plan_delay_s = 1.0
     flight.operator.mission(INSPECTION, 0)

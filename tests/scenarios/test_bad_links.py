@@ -21,8 +21,8 @@ NUMBERS = {"HEARTBEAT": 0, "CURRENT_MODE": 436}
 NOTICED_S = 0.2
 """Longest time of a takeover until the stream ends, on a link without loss."""
 NOTICED_ON_A_BAD_LINK_S = 0.3
-"""The most where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and five losses
-in a row of what tells the mode fifty times a second."""
+"""Longest time with 30 % loss and delays of 0.05 to 0.2 s: 0.2 s under way, and five losses
+in a row of mode reports, which come fifty times a second."""
 
 
 def worsen_link(flight, loss_percent=30.0, delay_ms=50.0, jitter_ms=150.0):
@@ -32,7 +32,7 @@ def worsen_link(flight, loss_percent=30.0, delay_ms=50.0, jitter_ms=150.0):
 
 
 def insist(flight, mission, states, index=-1):
-    """An operator who orders again until the order is carried out: orders are lost, too."""
+    """An operator who repeats the order until it is carried out: orders are lost, too."""
     for _ in range(10):
         flight.operator.mission(mission, index)
         flight.run(1.5)
@@ -79,7 +79,7 @@ def test_a_whole_mission_is_flown_though_three_packets_in_ten_are_lost(manner, d
 
 @BOTH
 @pytest.mark.parametrize("later_s", [0.0, 0.33, 0.66])
-def test_a_takeover_is_noticed_within_a_fifth_of_a_second(manner, later_s):
+def test_a_takeover_is_detected_within_a_fifth_of_a_second(manner, later_s):
     flight = in_flight(manner)
     flight.run(later_s)
     took_s = flight.now_s
@@ -90,7 +90,7 @@ def test_a_takeover_is_noticed_within_a_fifth_of_a_second(manner, later_s):
 
 
 @BOTH
-def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner):
+def test_a_takeover_is_detected_on_a_link_that_loses_three_packets_in_ten(manner):
     """All but one of 15 takeovers, at different times, end the stream within 0.2 s."""
     before = in_flight(manner)
     worsen_link(before)
@@ -109,12 +109,12 @@ def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner)
 
 
 @BOTH
-def test_a_mode_that_is_told_no_more_ends_control_while_other_packets_arrive(manner):
+def test_missing_mode_reports_end_control_while_other_packets_arrive(manner):
     """Mode reports are lost; the position still arrives."""
     flight = in_flight(manner)
     handle = flight.handle
-    told = {"HEARTBEAT", "CURRENT_MODE"}
-    flight.handle = lambda data: handle(without(data, told))
+    mode_messages = {"HEARTBEAT", "CURRENT_MODE"}
+    flight.handle = lambda data: handle(without(data, mode_messages))
     silent_s = flight.now_s
     flight.run(5.0)
     assert flight.state == "released"
@@ -125,8 +125,8 @@ def test_a_mode_that_is_told_no_more_ends_control_while_other_packets_arrive(man
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
 
 
-def test_an_armed_state_that_is_told_no_more_ends_control_while_the_mode_is_told():
-    """PX4 tells the mode by CURRENT_MODE, too; HEARTBEAT alone tells whether it is armed."""
+def test_missing_armed_state_reports_end_control_while_the_mode_is_reported():
+    """PX4 reports the mode by CURRENT_MODE, too; only HEARTBEAT has the armed state."""
     flight = in_flight(Manner.PX4)
     handle = flight.handle
     flight.handle = lambda data: handle(without(data, {"HEARTBEAT"}))
@@ -139,6 +139,6 @@ def test_an_armed_state_that_is_told_no_more_ends_control_while_the_mode_is_told
 
 
 def without(data, names):
-    """Bytes of whole packets less those of some messages."""
+    """Bytes of whole packets without those of some messages."""
     ids = {NUMBERS[name] for name in names}
     return b"".join(item for item in packets(data) if packet_header(item)[0] not in ids)

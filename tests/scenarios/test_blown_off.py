@@ -1,4 +1,4 @@
-"""Wind that no aircraft holds against, and the way back when it falls: true speeds and places."""
+"""Wind beyond what the aircraft can hold, and the recovery after it: true speeds and places."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UNWINDING_S = 10.0
 
 @flown_once
 def blown_off(manner: Manner, from_deg: float = 250.0) -> Lockstep:
-    """In an inspection for 4 s, then 13 m/s for 4 s; at its end, still in the wind."""
+    """An inspection for 4 s, then wind of 13 m/s for 4 s, which continues."""
     flight = hovering(manner=manner)
     if manner is Manner.PX4:
         flight.autopilot.conditions.drag_per_s = SIH_DRAG_PER_S
@@ -55,7 +55,7 @@ def error_m(flight) -> float:
 
 
 def watched(flight, seconds, look):
-    """The values of a function ten times a second."""
+    """Values of a function, ten times a second."""
     values = []
     for _ in range(round(seconds * 10.0)):
         flight.run(0.1)
@@ -73,19 +73,19 @@ def outside_m(flight) -> float:
 
 
 @ARDUPILOT_FIRST
-def test_the_setpoint_goes_along_and_the_pilot_is_told(manner):
+def test_the_setpoint_follows_the_aircraft_and_the_pilot_receives_a_text(manner):
     flight = blown_off(manner)
     assert outside_m(flight) > 6.0
     assert error_m(flight) <= 1.0
     texts = flight.operator.texts()
-    told = [text for text in texts if text.startswith("MOAR: wind too strong, drifting ")]
-    assert sum(text.endswith(", holding") for text in told) == 1
+    reported = [text for text in texts if text.startswith("MOAR: wind too strong, drifting ")]
+    assert sum(text.endswith(", holding") for text in reported) == 1
     assert all(len(text) <= 50 for text in texts if "drifting" in text)
     assert flight.state == "holding"
 
 
 @ARDUPILOT_FIRST
-def test_when_the_wind_falls_it_comes_back_at_its_own_speed_and_goes_on_once_it_is_back(manner):
+def test_after_the_wind_the_aircraft_returns_at_its_own_speed_and_the_mission_resumes(manner):
     flight = blown_off(manner)
     flight.autopilot.conditions.wind_mps = 0.0
     calmed_s = flight.now_s
@@ -111,7 +111,7 @@ def test_when_the_wind_falls_it_comes_back_at_its_own_speed_and_goes_on_once_it_
     ("manner", "mission"),
     sampled([(Manner.ARDUPILOT, EVACUATION)], [(Manner.PX4, EXIT), (Manner.ARDUPILOT, EVACUATION)]),
 )
-def test_an_escape_route_is_flown_from_where_it_was_blown(manner, mission):
+def test_an_escape_route_is_flown_from_the_place_where_the_wind_took_the_aircraft(manner, mission):
     flight = blown_off(manner)
     flight.autopilot.conditions.wind_mps = 0.0
     flight.run(4.0)
@@ -129,7 +129,7 @@ def test_an_escape_route_is_flown_from_where_it_was_blown(manner, mission):
 
 
 @ARDUPILOT_FIRST
-def test_an_inspection_is_refused_by_the_wind_while_it_drifts(manner):
+def test_an_inspection_is_rejected_because_of_the_wind_while_the_aircraft_drifts(manner):
     flight = blown_off(manner)
     flight.operator.mission(INSPECTION)
     flight.run(1.0)
@@ -138,7 +138,7 @@ def test_an_inspection_is_refused_by_the_wind_while_it_drifts(manner):
     assert error_m(flight) <= 1.0
 
 
-def test_too_far_out_an_order_is_refused_with_the_distance():
+def test_too_far_outside_an_order_is_refused_with_the_distance():
     flight = blown_off(Manner.ARDUPILOT)
     flight.run(22.0)
     flight.autopilot.conditions.wind_mps = 0.0
@@ -152,8 +152,8 @@ def test_too_far_out_an_order_is_refused_with_the_distance():
     )
 
 
-def test_across_the_plane_it_comes_straight_back_to_it():
-    """From the side: 13 m/s across."""
+def test_blown_off_across_the_plane_the_aircraft_returns_straight_to_it():
+    """Wind of 13 m/s across the plane."""
     flight = blown_off(Manner.ARDUPILOT, 340.0)
     assert abs(flight.companion.pose.position_m[1]) > 9.0
     assert error_m(flight) <= 1.0
@@ -166,7 +166,7 @@ def test_across_the_plane_it_comes_straight_back_to_it():
 
 @pytest.mark.parametrize("drag_per_s", sampled([1.0], [0.1, 1.0]))
 def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
-    """The vehicle file has the default drag; with 1.0 /s gusts of 3.9 m/s were told."""
+    """The vehicle file has the default drag; with 1.0 /s gusts of 3.9 m/s were reported."""
     monkeypatch.setattr(lockstep, "as_simulated", lambda vehicle, _: vehicle)
     flight = Lockstep()
     assert flight.vehicle.risk == RiskModel()
@@ -174,14 +174,14 @@ def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
     flight.take_off()
     flight.begin(INSPECTION)
 
-    def told():
+    def reported():
         risk = flight.companion.risk
         values = {item.name: item.value or 0.0 for item in risk.report.wind.inputs}
         return values["wind from tilt"], values["gusts"], risk.indices.wind
 
-    seen = watched(flight, 25.0, told)
+    seen = watched(flight, 25.0, reported)
     assert max(wind for wind, _, _ in seen) < 3.0
     assert max(gusts for _, gusts, _ in seen) < 1.0
-    known = seen[150:]  # an unknown wind is a risk of its own at first
-    assert max(risk for _, _, risk in known) < 0.15
+    settled = seen[150:]  # at first the wind is unknown, which raises the risk
+    assert max(risk for _, _, risk in settled) < 0.15
     assert not any("wind" in text for text in flight.operator.texts())

@@ -1,6 +1,6 @@
-"""The companion fails in flight: the stream ends at once, and nothing is hit.
+"""Companion failure in flight: the stream ends at once, without a collision.
 
-At an instant of a flight the autopilot is copied and flown on alone, until it rests or has landed.
+At many instants of a flight a copy of the autopilot flies on alone, until it rests or has landed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ SETS = {
 
 @dataclass
 class Failures:
-    """Flies until the companion fails: the least distance from hull to obstacle after it."""
+    """Companion failures in one flight; least distance from hull to obstacle after each."""
 
     flight: Lockstep
     every_s: float
@@ -58,7 +58,7 @@ class Failures:
     _due_s: float = field(default=-math.inf)
 
     def fly(self, mission, index=-1, *, timeout_s=300.0):
-        """A mission until it holds at its end; whether it was accepted."""
+        """Flies a mission to its end; returns True if it was accepted."""
         flight = self.flight
         answers = len(flight.operator.answers())
         flight.operator.mission(mission, index)
@@ -89,10 +89,10 @@ class Failures:
 
 
 def flown_on(flight):
-    """Where the aircraft is from now on without a companion, ten times a second."""
+    """Places of the aircraft without a companion from now on, ten times a second."""
     autopilot = copy_of(flight.autopilot)
     for schedule in dict(autopilot.manner._schedules).values():
-        schedule._due.clear()  # nobody listens, and telling is half of its work
+        schedule._due.clear()  # messages have no receiver, and take half of the time
     now_s, stands_since_s, places = flight.now_s, math.inf, []
     while now_s < flight.now_s + FLOWN_ON_S and not autopilot.truth.on_ground:
         now_s += LOOKED_AT_S
@@ -111,7 +111,7 @@ def flown_on(flight):
 
 
 def _waits(truth):
-    """PX4 has not noticed yet, and may still land or return."""
+    """True if PX4 has not detected the loss yet, and may still land or return."""
     return truth.mode == "OFFBOARD"
 
 
@@ -124,7 +124,7 @@ def failures(name, *, every_s, site="315kv_double_circuit", wind_mps=0.0, **opti
 
 
 @pytest.mark.parametrize("name", ["PX4 holds after 0.5 s", "ArduPilot holds after 3 s"])
-def test_wherever_it_fails_on_an_inspection_nothing_is_touched(name):
+def test_a_companion_failure_anywhere_on_an_inspection_causes_no_collision(name):
     sweep = failures(name, every_s=2.0, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.count > 5
@@ -153,7 +153,7 @@ SOFT = ["ArduPilot brakes softly", "PX4 brakes softly at once"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sampled(SOFT[:1], SOFT))
-def test_nor_where_the_autopilot_brakes_softly(name):
+def test_a_companion_failure_with_soft_braking_causes_no_collision(name):
     sweep = failures(name, every_s=EVERY_S, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.fly(EXIT)
@@ -162,7 +162,9 @@ def test_nor_where_the_autopilot_brakes_softly(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "site", "wind_mps"), sampled(FLOWN, FLOWN + MORE))
-def test_wherever_it_fails_on_any_mission_that_is_accepted(name, site, wind_mps):
+def test_a_companion_failure_anywhere_on_any_accepted_mission_causes_no_collision(
+    name, site, wind_mps
+):
     out = failures(name, every_s=EVERY_S, site=site, vehicle="x500", wind_mps=wind_mps)
     out.fly(INSPECTION, 0)
     away = copy_of(out)
@@ -174,7 +176,7 @@ def test_wherever_it_fails_on_any_mission_that_is_accepted(name, site, wind_mps)
     assert count * EVERY_S > 30.0
 
 
-# What is refused --------------------------------------------------------------------------------
+# Refusals ---------------------------------------------------------------------------------------
 
 
 def test_a_return_that_would_climb_through_a_conductor_is_denied_with_the_remedy():
@@ -190,13 +192,13 @@ def test_a_landing_on_a_conductor_is_denied_with_the_remedy():
     assert sweep.flight.operator.has_received("PX4 would hit right-lower")
 
 
-def test_an_autopilot_that_cannot_follow_is_not_led():
+def test_a_mission_for_an_autopilot_that_cannot_follow_is_denied():
     sweep = failures("ArduPilot cannot follow", every_s=math.inf, vehicle="x500")
     assert not sweep.fly(INSPECTION, 1)
     assert sweep.flight.operator.has_received("ArduPilot brakes ")
 
 
-def test_where_it_is_configured_so_the_same_is_warned_about_and_flown():
+def test_with_the_warn_policy_the_same_missions_are_flown_with_a_warning():
     manner, parameters = SETS["PX4 returns after 1 s"]
     supervision = Supervision(loss_action=LossCheck.WARN)
     flight = hovering(options={"parameters": parameters}, manner=manner, supervision=supervision)
@@ -205,7 +207,7 @@ def test_where_it_is_configured_so_the_same_is_warned_about_and_flown():
     assert flight.state == "flying"
 
 
-# Orderly silence --------------------------------------------------------------------------------
+# Orderly end ------------------------------------------------------------------------------------
 
 
 def released(flight):
@@ -217,7 +219,7 @@ def cut_off(flight):
 
 
 @pytest.mark.parametrize(("manner", "end"), [(Manner.PX4, released), (Manner.ARDUPILOT, cut_off)])
-def test_the_last_setpoint_of_an_orderly_silence_stands(manner, end):
+def test_the_last_setpoint_of_an_orderly_end_is_at_rest(manner, end):
     flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)
     flight.run(3.0)

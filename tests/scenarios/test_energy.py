@@ -1,4 +1,4 @@
-"""Energy in flight: what was foretold is used, and a battery that drains is left in time."""
+"""Energy in flight: accuracy of the forecast, and the exit on a draining battery."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from ..flights.operator import INSPECTION
 CASES = cases(176)
 EXITS = [case for case in CASES[:40] if case.mission is Mission.EXIT and case.vehicle == "x500"]
 AGAINST_THE_WIND = [CASES[165], CASES[175]]
-"""Landing legs against 8 and 7 m/s of wind, all the way at the limit of the lean."""
+"""Landing legs against 8 and 7 m/s of wind, always at the limit of the lean."""
 CAPACITY_WH = 90.0
 """Capacity of the fake PX4's pack."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", sampled([AGAINST_THE_WIND[0]], [*EXITS, *AGAINST_THE_WIND]))
-def test_after_a_minute_the_energy_of_what_is_to_be_flown_is_known(case):
+def test_after_a_minute_the_energy_of_the_planned_flight_is_estimated(case):
     flown = fly(case)
     assert flown.error == pytest.approx(0.0, abs=0.1)
     assert flown.source in {"current", "charge"}
 
 
-def test_a_battery_that_drains_is_left_while_that_is_possible():
+def test_an_escape_route_begins_while_a_draining_battery_still_suffices():
     x500 = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
-    # It drains four times as fast as the file says: 45 % are not two minutes, one of which is to be
-    # left in the end.
+    # The battery drains four times as fast as in the file: 45 % last less than two minutes, of
+    # which one is the reserve.
     vehicle = replace(x500, power=Power(hover_w=332.0, capacity_wh=CAPACITY_WH))
     flight = Lockstep(vehicle=vehicle, supervision=Supervision(battery_reserve=0.0))
     flight.autopilot.conditions.drain_factor = 4.0

@@ -1,4 +1,4 @@
-"""A position that is not what it was, and plans that do not come, beside both autopilots."""
+"""Position jumps and resets, and late or missing plans, with both autopilots."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def jumps_m(flight):
 
 
 def judge_what_was_flown(flight, began_s):
-    """After a jump the aircraft flies on, and comes back slowly: it does not chase its place."""
+    """Asserts that after a jump the aircraft returns to its path slowly."""
     fastest_mps = max(
         math.hypot(*truth.velocity_ned_mps)
         for truth in flight.truths
@@ -47,7 +47,7 @@ def judge_what_was_flown(flight, began_s):
 
 
 @PX4_FIRST
-def test_a_jump_of_the_position_is_taken_along_and_the_inspection_goes_on(manner):
+def test_a_position_jump_moves_the_setpoint_and_the_inspection_continues(manner):
     flight, east_m = in_flight(manner), 1.2
     began_s = flight.now_s
     flight.autopilot.jump(0.0, east_m)
@@ -61,7 +61,7 @@ def test_a_jump_of_the_position_is_taken_along_and_the_inspection_goes_on(manner
 
 
 @ARDUPILOT_FIRST
-def test_a_jump_beyond_the_limit_is_held_until_an_operator_has_looked(manner):
+def test_a_jump_beyond_the_limit_holds_until_an_operator_orders_again(manner):
     flight = in_flight(manner)
     began_s = flight.now_s
     flight.autopilot.jump(0.0, -3.4)
@@ -78,8 +78,8 @@ def test_a_jump_beyond_the_limit_is_held_until_an_operator_has_looked(manner):
     assert flight.state == "flying"
 
 
-def test_a_small_reset_is_known_by_the_estimators_count_alone():
-    """PX4 counts it in ODOMETRY; of ArduPilot the same step is flown out."""
+def test_a_small_reset_is_detected_only_by_the_estimators_reset_counter():
+    """PX4 counts resets in ODOMETRY; an ArduPilot flies the same step back."""
     flight = in_flight()
     flight.autopilot.jump(0.3, 0.0)
     flight.run(1.0)
@@ -98,8 +98,8 @@ def test_a_reset_that_moves_nothing_is_no_jump():
     assert jumps_m(flight) == []
 
 
-def test_a_receiver_that_repeats_its_last_words_is_a_hold_until_the_autopilot_decides():
-    """ArduPilot goes on telling a dead receiver's last good values for 4 s."""
+def test_a_receiver_that_repeats_its_last_values_holds_until_the_autopilot_acts():
+    """ArduPilot repeats the last good values of a failed receiver for 4 s."""
     flight = in_flight(Manner.ARDUPILOT)
     flight.autopilot.conditions.gps_mode = GPS_SILENT
     flight.run_until_state("holding", 4.0)

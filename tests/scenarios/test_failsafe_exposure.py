@@ -14,7 +14,7 @@ from ..flights.operator import INSPECTION, Manner
 from ..thorough import sampled
 
 INNER = 1.0
-"""Index of the target that stands above the lowest conductor."""
+"""Index of the target above the lowest conductor."""
 LANDS_AT_40 = {
     Manner.ARDUPILOT: {
         "BATT_CAPACITY": 3300,
@@ -34,7 +34,7 @@ LANDING = {Manner.ARDUPILOT: "LAND", Manner.PX4: "AUTO.LAND"}
 
 
 def over_a_conductor(flight):
-    """True if straight down from here the aircraft would come within a conductor's keep-out."""
+    """True if a vertical descent from here would enter a conductor's keep-out."""
     x_m, _, z_m = true_places(flight)[-1]
     return any(
         abs(item.position_m[0] - x_m) < flight.vehicle.radius_m + item.keep_out_m
@@ -65,7 +65,7 @@ def inspecting(manner, parameters, **options):
         [(manner, *drain) for manner in Manner for drain in ((3.0, 60.0), (12.0, 90.0))],
     ),
 )
-def test_the_exit_begins_early_enough_that_critical_never_comes_over_a_conductor(
+def test_the_exit_begins_so_early_that_the_battery_is_never_critical_over_a_conductor(
     manner, drain_factor, percent
 ):
     flight = at_the_inner_target(manner)
@@ -83,8 +83,8 @@ def test_the_exit_begins_early_enough_that_critical_never_comes_over_a_conductor
 
 
 @pytest.mark.slow
-def test_where_a_low_battery_only_brakes_the_exit_begins_before_that():
-    """BRAKE takes the mode: nobody would lead the aircraft away before the critical one lands."""
+def test_where_a_low_battery_only_brakes_the_exit_begins_before_the_low_battery_action():
+    """BRAKE takes the mode: then no exit is possible before the critical-battery landing."""
     flight = Lockstep(
         manner=Manner.ARDUPILOT,
         options={
@@ -105,7 +105,7 @@ def test_where_a_low_battery_only_brakes_the_exit_begins_before_that():
     assert not over_a_conductor(flight)
 
 
-def test_where_lost_rc_would_land_on_a_conductor_people_are_told_and_it_leaves_in_time():
+def test_where_rc_loss_would_land_on_a_conductor_operators_get_a_text_and_the_exit_is_in_time():
     flight = inspecting(
         Manner.ARDUPILOT,
         {"FS_THR_ENABLE": 3, "FS_EKF_ACTION": 2},

@@ -1,4 +1,4 @@
-"""The autopilot's own fence: planned inside with a margin, or denied with its name."""
+"""The autopilot's fence: missions are planned inside with a margin, or denied with its name."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_an_exit_through_the_circle_is_denied_with_its_name_and_value(manner):
     texts_are_short(flight)
 
 
-def test_a_fence_that_a_switch_has_enabled_is_kept_though_the_parameters_say_none():
+def test_a_fence_that_a_switch_has_enabled_is_kept_although_the_parameters_have_none():
     """ArduPilot's DO_FENCE_ENABLE, mission item or RC switch changes no parameter."""
     manner = Manner.ARDUPILOT
     flight = fenced(manner, {**CIRCLE[manner](10.0), "FENCE_ENABLE": 0})
@@ -111,8 +111,8 @@ WITHOUT_AND_WITH = [
     ("manner", "parameters", "lowest_m", "highest_m"),
     sampled(WITHOUT_AND_WITH[:2], WITHOUT_AND_WITH),
 )
-def test_under_a_ceiling_another_way_is_flown(manner, parameters, lowest_m, highest_m):
-    """Past two conductors: above both it is safer than between them."""
+def test_under_a_ceiling_another_path_is_flown(manner, parameters, lowest_m, highest_m):
+    """Past two conductors: a path above both is safer than between them."""
     base = Lockstep().site
     conductors = tuple(
         replace(base.obstacles[0], name=name, position_m=(15.0, z_m), keep_out_m=0.0)
@@ -139,7 +139,7 @@ def test_under_a_ceiling_another_way_is_flown(manner, parameters, lowest_m, high
 
 @BOTH
 def test_a_fence_lowered_in_flight_is_kept(manner):
-    """The path is held before the new fence, and planned anew inside or given up."""
+    """The flight holds before the new fence, and is planned again inside or ends."""
     flight = fenced(manner, CEILING[manner](60.0))
     flight.begin(INSPECTION, 0)
     flight.run(3.0)
@@ -165,8 +165,8 @@ def polygon(flight, corners_m, command=POLYGON_INCLUSION):
 
 
 @BOTH
-def test_uploaded_areas_count_although_nobody_tells_of_them(manner):
-    """A polygon first; then one that lets all through, and a circle around the exit's landing."""
+def test_uploaded_areas_count_without_a_notification(manner):
+    """A polygon first; then a wide one, and a circle around the landing point of the exit."""
     parameters = {} if manner is Manner.PX4 else {"FENCE_ENABLE": 1, "FENCE_TYPE": 4}
     flight = fenced(manner, parameters)
     flight.operator.upload_fence(polygon(flight, [(15, -20), (35, -20), (35, 20), (15, 20)]))
@@ -178,7 +178,7 @@ def test_uploaded_areas_count_although_nobody_tells_of_them(manner):
     flight.operator.upload_fence([circle, *wide])
     flight.run(11.0)
     assert refused(flight, EXIT) == "MOAR: fence exclusion circle 1, denied"
-    # The evacuation leads to its other landing point, at -10 m.
+    # The evacuation has another landing point, at -10 m.
     flight.operator.mission(EVACUATION)
     flight.give_mode()
     assert flight.operator.answers()[-1] == ACCEPTED
@@ -189,13 +189,13 @@ def test_uploaded_areas_count_although_nobody_tells_of_them(manner):
     assert_nothing_was_touched(flight)
 
 
-def test_in_a_fence_without_an_action_it_is_planned_all_the_same():
+def test_a_fence_without_an_action_is_kept_in_planning():
     flight = fenced(Manner.PX4, {"GF_MAX_HOR_DIST": 10.0, "GF_ACTION": 0})
     assert refused(flight, EXIT) == "MOAR: fence GF_MAX_HOR_DIST 10 m, denied"
 
 
-def test_an_aircraft_outside_is_led_in():
-    """The fence has no action; it is drawn in behind the aircraft."""
+def test_an_exit_from_outside_the_fence_flies_back_inside():
+    """A lower fence is set while the aircraft is above it."""
     flight = fenced(Manner.PX4, {"GF_MAX_HOR_DIST": 100.0, "GF_ACTION": 1})
     flight.begin(INSPECTION, 0)
     flight.run_until(lambda: height_m(flight) > 8.5, 60.0)
@@ -209,7 +209,7 @@ def test_an_aircraft_outside_is_led_in():
     assert_nothing_was_touched(flight)
 
 
-def test_nothing_is_begun_until_the_fence_is_read():
+def test_no_mission_starts_before_the_fence_is_read():
     flight = Lockstep(options={"parameters": {"GF_MAX_HOR_DIST": 10.0}})
     flight.deaf = True
     flight.take_off()
@@ -220,7 +220,7 @@ def test_nothing_is_begun_until_the_fence_is_read():
     assert ACCEPTED not in flight.operator.answers()
 
 
-def test_home_of_the_flight_is_where_the_fence_is_centred():
+def test_the_fence_is_centred_on_the_home_of_the_flight():
     """Taken off elsewhere, the same radius lets the exit through."""
     flight = fenced(Manner.PX4, CIRCLE[Manner.PX4](20.0))
     flight.operator.mission(EXIT)

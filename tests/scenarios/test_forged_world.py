@@ -1,4 +1,4 @@
-"""Packets that are late, or of somebody who takes the autopilot's ids: nothing is chased."""
+"""Late packets, and forged packets with the autopilot's ids: the aircraft does not follow them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def in_flight(manner, target=0):
     return flight
 
 
-def told_origin(flight):
+def reported_origin(flight):
     point = flight.companion.telemetry.local_origin.point
     return (
         round(point.latitude_deg * 1e7),
@@ -42,13 +42,13 @@ def told_origin(flight):
 
 
 class Intruder:
-    """Somebody on the link who speaks with the autopilot's ids, and in its order."""
+    """A sender on the link with the autopilot's ids and sequence numbers."""
 
     def __init__(self, flight):
         self.flight = flight
         self.received = []
-        """(time, message id, packet) of everything the autopilot said."""
-        self.origin = told_origin(flight)
+        """(time, message id, packet) of every packet of the autopilot."""
+        self.origin = reported_origin(flight)
         """The true one: latitude and longitude in 1e-7 degrees, altitude in mm."""
         self.boot_ms = 0
         self.sequence = 0
@@ -76,13 +76,13 @@ class Intruder:
         (message,) = self._reader.parse_buffer(packet)
         return message
 
-    def say(self, message, system_id=1):
+    def send(self, message, system_id=1):
         self._codec.srcSystem = system_id
         self._codec.seq = (self.sequence + 1) % 256
         self._handle(message.pack(self._codec))
 
-    def say_again(self, message_id, late_s):
-        """The packet of this kind that was heard so long ago, once more."""
+    def send_again(self, message_id, late_s):
+        """Sends again the packet of this kind that was received `late_s` ago."""
         reported_s = self.flight.now_s - late_s
         self._handle(
             next(
@@ -93,7 +93,7 @@ class Intruder:
         )
 
     def origin_off(self, north_m, east_m, up_m=0.0):
-        """GPS_GLOBAL_ORIGIN, so far from the true one."""
+        """GPS_GLOBAL_ORIGIN at an offset from the true one."""
         latitude_e7, longitude_e7, altitude_mm = self.origin
         scale = math.cos(math.radians(latitude_e7 * 1e-7))
         return mavlink.MAVLink_gps_global_origin_message(
@@ -105,7 +105,7 @@ class Intruder:
 
 
 def steps_m(flight, since_s):
-    """From each setpoint to the next one, in the local frame."""
+    """Distances between successive setpoints, in the local frame."""
     places = [
         (s.message.x, s.message.y, s.message.z) for s in flight.setpoints if s.time_s > since_s
     ]
@@ -116,21 +116,21 @@ def jumps(flight):
     return [decision for decision in flight.decisions if decision.kind == "jump"]
 
 
-def told(flight, cause):
-    """The texts that tell the pilot this cause of a hold with its distance and limit."""
+def reported(flight, cause):
+    """Texts to the pilot with this cause of a hold, its distance and limit."""
     words = rf"MOAR: {cause} ([\d.]+ m > [\d.]+|over [\d.]+ m), holding"
     return [text for text in flight.operator.texts() if re.fullmatch(words, text)]
 
 
 @pytest.mark.parametrize("late_s", [0.3, 0.6, 0.9])
 @BOTH
-def test_a_position_that_is_heard_again_late_moves_no_setpoint(manner, late_s):
+def test_a_position_that_is_received_again_late_moves_no_setpoint(manner, late_s):
     flight = in_flight(manner)
     intruder = Intruder(flight)
     flight.run(1.5)
     began_s, late = flight.now_s, flight.companion.telemetry.link.packets_late
     for _ in range(5):
-        intruder.say_again(LOCAL_POSITION, late_s)
+        intruder.send_again(LOCAL_POSITION, late_s)
         flight.run(0.2)
     assert not jumps(flight)
     fastest_mps = flight.vehicle.speed.horizontal_mps + flight.vehicle.speed.min_mps
@@ -157,7 +157,7 @@ def test_old_packets_of_every_kind_in_one_burst_are_no_restart(manner):
 
 
 def creep(flight, *, forge_global=False):
-    """Tells an origin that creeps at 0.1 m/s, and no other, until it is held; by how much then."""
+    """Sends an origin that drifts at 0.1 m/s until the mission holds; returns the offset then."""
     intruder, began_s = Intruder(flight), flight.now_s
 
     def east_m():
@@ -174,7 +174,7 @@ def creep(flight, *, forge_global=False):
     while flight.state != "holding":
         assert east_m() < 3.0
         flight.run(0.1)
-        intruder.say(intruder.origin_off(0.0, east_m()))
+        intruder.send(intruder.origin_off(0.0, east_m()))
     flight.run(0.2)
     return east_m()
 
@@ -183,7 +183,7 @@ def creep(flight, *, forge_global=False):
 def test_an_origin_that_creeps_away_from_the_global_position_is_held(manner):
     flight = in_flight(manner, target=-1)
     assert creep(flight) < 0.75
-    assert told(flight, "global position off") or told(flight, "the origin moved")
+    assert reported(flight, "global position off") or reported(flight, "the origin moved")
     flight.run(10.0)
     assert flight.state == "holding"
     assert_nothing_was_touched(flight)
@@ -194,7 +194,7 @@ def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(ma
     flight = in_flight(manner, target=-1)
     margin_m = {Manner.PX4: 1.4, Manner.ARDUPILOT: 0.5}[manner]
     assert creep(flight, forge_global=True) < margin_m + 0.4
-    assert told(flight, "the origin moved") or told(flight, "home position off")
+    assert reported(flight, "the origin moved") or reported(flight, "home position off")
     flight.run(10.0)
     assert flight.state == "holding"
     assert_nothing_was_touched(flight)
@@ -202,12 +202,12 @@ def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(ma
 
 @ARDUPILOT_FIRST
 def test_forged_origins_between_true_ones_are_held_too(manner):
-    """By whichever comes first: the setpoint may not go to and fro either."""
+    """Any of the causes is correct; the setpoint must not alternate between the origins."""
     flight = in_flight(manner, target=-1)
     intruder, began_s = Intruder(flight), flight.now_s
     while flight.state != "holding" and flight.now_s < began_s + 20.0:
         flight.run(0.2)
-        intruder.say(intruder.origin_off(0.0, 0.1 * (flight.now_s - began_s)))
+        intruder.send(intruder.origin_off(0.0, 0.1 * (flight.now_s - began_s)))
     assert flight.state == "holding"
     assert flight.now_s - began_s < 10.0
     assert_nothing_was_touched(flight)
@@ -215,12 +215,12 @@ def test_forged_origins_between_true_ones_are_held_too(manner):
 
 @ARDUPILOT_FIRST
 def test_an_origin_that_moves_by_less_than_a_jump_moves_no_setpoint_at_once(manner):
-    """Half a metre is drawn back to as slowly as the aircraft moves over to its path."""
+    """The setpoint fades back over half a metre as slowly as onto a new path."""
     flight = in_flight(manner)
     intruder = Intruder(flight)
     flight.run(0.2)
     began_s = flight.now_s
-    intruder.say(intruder.origin_off(0.0, 0.4))
+    intruder.send(intruder.origin_off(0.0, 0.4))
     flight.run(0.4)
     fastest_mps = flight.vehicle.speed.horizontal_mps + flight.vehicle.speed.min_mps
     assert max(steps_m(flight, began_s - STEP_S)) <= fastest_mps * STEP_S + 1e-3
@@ -246,12 +246,12 @@ ONE_PACKET = {
 
 
 @pytest.mark.parametrize("words", ONE_PACKET)
-def test_one_packet_of_another_autopilot_ends_control_and_does_not_refuse_it_for_good(words):
+def test_one_packet_of_another_autopilot_ends_control_but_not_for_good(words):
     flight = in_flight(Manner.PX4, target=-1)
     system_id, message = ONE_PACKET[words]
     intruder = Intruder(flight)
     flight.run(0.2)
-    intruder.say(message, system_id)
+    intruder.send(message, system_id)
     flight.run(0.1)
     assert flight.state == "released"
     assert flight.operator.has_received(f"MOAR: {words}, released")

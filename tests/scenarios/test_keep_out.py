@@ -1,6 +1,6 @@
-"""A receiver that knows its place worse in flight: the path keeps away, or the mission waits.
+"""A receiver that becomes less accurate in flight: the path keeps away, or the mission holds.
 
-ArduPilot's receiver tells its accuracy, by which SIM_GPS_HDOP moves; the margin allows for 0.5 m.
+ArduPilot's receiver reports its accuracy, which SIM_GPS_HDOP sets; the margin allows for 0.5 m.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ M_PER_HDOP = 0.3 / 1.21
 INNER = 1
 ARDUPILOT_MARGIN_M = 1.4
 BESIDE_M = 3.2
-"""The targets from their conductors: with the position known to 1.6 m that is too near."""
+"""Distance of targets from their conductors: too near for a position error of 1.6 m."""
 
 
 def narrow_site():
@@ -44,7 +44,7 @@ def narrow_site():
 
 
 def over_the_narrow_site():
-    """Weights are the same in all: only distances count here, not the receiver's effect on them."""
+    """All weights are equal: only distances count, not the receiver's effect on weights."""
     return hovering(
         site=narrow_site(),
         vehicle="linedrone",
@@ -55,7 +55,7 @@ def over_the_narrow_site():
 
 @flown_once
 def flight_to_the_far_circuit():
-    """Just under way from the near target to the far one, between the conductors."""
+    """Just after the start from the near target to the far one, between the conductors."""
     flight = over_the_narrow_site()
     flight.begin(INSPECTION)
     flight.run_until_state("at_target", 60.0)
@@ -68,7 +68,7 @@ def know_to(flight, accuracy_m):
 
 
 def least_room_m(flight, since):
-    """From the hull at the setpoints since then to the nearest keep-out."""
+    """Least distance from the hull at the setpoints since then to the nearest keep-out."""
     places = setpoint_places(flight, flight.setpoints[since:])
     return min(clearances_m(flight.site, places, keep_out=True)) - flight.vehicle.radius_m
 
@@ -79,7 +79,7 @@ def assert_it_was_sound(flight):
     assert_setpoints_keep_to_free_space(flight)
 
 
-def test_the_path_moves_away_from_the_conductors_and_goes_on():
+def test_the_path_moves_away_from_the_conductors_and_the_mission_continues():
     flight = flight_to_the_far_circuit()
     know_to(flight, 1.35)
     since = len(flight.setpoints)
@@ -87,16 +87,16 @@ def test_the_path_moves_away_from_the_conductors_and_goes_on():
     assert flight.companion.status.task.stops == ("splice-inner",)
     replans = [item.data["reason"] for item in flight.decisions if item.kind == "replan"]
     assert "obstacles wider by 0.0 -> 0.9 m" in replans
-    # Cells are kept clear by their centres.
+    # A cell is free if its centre is.
     assert least_room_m(flight, since) > ARDUPILOT_MARGIN_M + 0.85 - 0.15
     assert_it_was_sound(flight)
 
 
-def test_it_waits_with_the_number_said_until_the_position_is_known_better():
+def test_the_mission_holds_with_the_value_reported_until_the_position_is_more_accurate():
     flight = flight_to_the_far_circuit()
     know_to(flight, 1.6)
     flight.run_until_state("holding", 3.0)
-    flight.run(3.0)  # an escape leg would lead out of there, but not to the target
+    flight.run(3.0)  # an escape leg exists, but no path to the target
     assert flight.operator.has_received("MOAR: no room here, uncertainty 1.6 m")
     assert flight.operator.has_received("no path, uncertainty 1.6 m, holding")
     asked = len([item for item in flight.decisions if item.kind == "replan"])
@@ -109,7 +109,7 @@ def test_it_waits_with_the_number_said_until_the_position_is_known_better():
     assert_it_was_sound(flight)
 
 
-def test_before_the_flight_it_is_denied_with_the_number():
+def test_before_the_flight_the_mission_is_denied_with_the_value():
     flight = over_the_narrow_site()
     know_to(flight, 1.6)
     flight.run(1.0)

@@ -1,4 +1,4 @@
-"""The margin in flight: by truth nothing is touched, whatever wind and estimator make of it."""
+"""The margin in flight: no true collision under wind and errors of the estimate."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def site_with_a_wall(beside_m=BESIDE_M):
 
 @flown_once
 def beside_the_wall():
-    """At the target."""
+    """A flight that is at the target beside the wall."""
     flight = hovering(site=site_with_a_wall(), vehicle="x500", start_m=(20.0, 0.0))
     flight.begin(INSPECTION, 0)
     flight.run_until_state("at_target", 90.0)
@@ -43,7 +43,7 @@ def beside_the_wall():
 
 
 @ARDUPILOT_FIRST
-def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner):
+def test_beside_a_wall_without_a_keep_out_wind_causes_no_collision(manner):
     flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner, start_m=(20.0, 0.0))
     flight.autopilot.conditions.wind_mps = 6.3
     flight.autopilot.conditions.wind_from_deg = 90.0  # towards the wall
@@ -59,10 +59,10 @@ def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner):
     ("manner", "factor", "error_m"),
     sampled([(Manner.PX4, 3.0, 0.8)], [(Manner.PX4, 3.0, 0.8), (Manner.ARDUPILOT, 4.0, 0.5)]),
 )
-def test_beside_a_wall_an_estimate_that_errs_beyond_what_is_told_touches_nothing(
+def test_beside_a_wall_an_error_beyond_the_reported_accuracy_causes_no_collision(
     manner, factor, error_m
 ):
-    """As far off as each was seen to be; no accuracy told shows it."""
+    """The greatest error that was measured of each autopilot; the reported accuracy hides it."""
     flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner)
     flight.autopilot.conditions.gps_noise_factor = factor
     flight.autopilot.conditions.wind_mps = 4.5
@@ -75,7 +75,7 @@ def test_beside_a_wall_an_estimate_that_errs_beyond_what_is_told_touches_nothing
         reported_m.append(flight.companion.risk.indices.localization)
     assert flight.state in {"at_target", "holding"}
     assert max(errors_m) > error_m, max(errors_m)
-    assert max(reported_m[5:]) < 0.2  # unknown is a risk of its own at first
+    assert max(reported_m[5:]) < 0.2  # at first the accuracy is unknown, which raises the risk
     assert_nothing_was_touched(flight)
 
 
@@ -92,7 +92,7 @@ def test_a_target_nearer_to_the_wall_than_the_margin_is_denied(manner, beside_m,
 
 
 @pytest.mark.parametrize("east_m", [2.5, -2.5])
-def test_an_estimator_jump_that_is_greater_than_the_margin_left_is_a_hold(east_m):
+def test_an_estimator_jump_greater_than_the_remaining_margin_holds_the_mission(east_m):
     flight = beside_the_wall()
     flight.autopilot.jump(0.0, east_m)
     flight.run(1.0)
@@ -104,7 +104,7 @@ def test_an_estimator_jump_that_is_greater_than_the_margin_left_is_a_hold(east_m
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
-def test_an_exit_that_the_margin_closes_is_flown_with_what_is_left_of_it(manner):
+def test_an_exit_that_the_margin_blocks_is_flown_with_the_largest_margin_that_fits(manner):
     """Through a window in a tower, 4.2 m high (PX4) or 3.4 m (ArduPilot)."""
     gap_m = 4.2 if manner is Manner.PX4 else 3.4
     walls = tuple(

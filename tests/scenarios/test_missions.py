@@ -29,7 +29,7 @@ SITES = ["315kv_double_circuit", "120kv_single_circuit", "horizontal_three_condu
 
 
 def judged(flight, **options):
-    """Nothing was touched, and every setpoint was one that may be sent."""
+    """Asserts that no collision happened and every setpoint was permitted."""
     assert_nothing_was_touched(flight)
     assert_the_stream_is_sound(flight)
     assert_setpoints_never_jump(flight)
@@ -37,7 +37,7 @@ def judged(flight, **options):
 
 
 def inspected(flight):
-    """All targets visited, each at rest where the site says, with its dwell."""
+    """Asserts that all targets were visited, at rest at their places, with their dwell."""
     visited = [
         decision.time_s
         for decision in flight.decisions
@@ -58,13 +58,13 @@ def inspected(flight):
         if abs(target.look_at_m[0] - target.position_m[0]) > 1.0:
             looks_back = target.look_at_m[0] < target.position_m[0]
             azimuth = math.radians(flight.site.frame.azimuth_deg) + (math.pi if looks_back else 0)
-            # Two metres off, GNSS noise across the plane is some degrees.
+            # At two metres, GNSS noise across the plane is some degrees.
             off = math.remainder(resting[-1].message.yaw - azimuth, math.tau)
             assert abs(off) < math.radians(30.0)
 
 
 def left_above_a_landing_point(flight, mission):
-    """Held above one of the mission's landing points, the aircraft too."""
+    """Asserts that setpoint and aircraft hold above one of the mission's landing points."""
     x, _, z = setpoint_places(flight, flight.setpoints[-1:])[0]
     height = flight.vehicle.guidance.landing_height_m
     reached = [
@@ -108,7 +108,7 @@ EACH_ONCE = [
 
 
 def combinations():
-    """Each vehicle on each site by both manners."""
+    """Each vehicle on each site with both autopilots."""
     vehicles = ("x500", "linedrone_uniform", "linedrone")
     for number, (site, vehicle) in enumerate(itertools.product(SITES, vehicles)):
         winds_mps = (0.0, WIND_MPS) if number % 2 else (WIND_MPS, 0.0)
@@ -141,13 +141,13 @@ def test_an_evacuation_to_a_landing_point_of_the_operators_choice(index, x_m):
 def test_under_engage_one_command_flies_the_exit_and_lands(manner):
     flight = hovering(manner=manner, vehicle="x500", authority=Authority.ENGAGE)
     flight.operator.mission(EXIT)
-    flight.run_until_state("flying", 6.0)  # nobody else gave the mode
+    flight.run_until_state("flying", 6.0)  # the companion requested the mode
     flight.run_until(lambda: flight.truth.on_ground and not flight.truth.armed, 120.0)
     x_m, y_m, _ = true_places(flight)[-1]
     assert math.hypot(x_m - 40.0, y_m) < 3.0
     flight.run(6.0)
     assert flight.state in {"idle", "overridden"}
-    # PX4 goes back to the mode at arming, or stays in OFFBOARD: the stream has ended all the same.
+    # PX4 returns to the mode at arming, or stays in OFFBOARD; in both cases the stream has ended.
     assert flight.last_setpoint_s < flight.now_s - 5.0
     judged(flight)
 
@@ -237,7 +237,7 @@ def test_a_hold_on_the_landing_leg_can_be_continued():
     left_above_a_landing_point(flight, "exit")
 
 
-def test_a_low_take_off_is_left_by_an_escape_leg():
+def test_after_a_low_take_off_the_flight_begins_with_an_escape_leg():
     flight = Lockstep(vehicle="linedrone_uniform", options={"parameters": {"MIS_TAKEOFF_ALT": 1.0}})
     flight.take_off(1.2)
     low_m = true_places(flight)[-1][2]
@@ -247,7 +247,7 @@ def test_a_low_take_off_is_left_by_an_escape_leg():
     flight.run_until(lambda: -flight.truth.position_ned_m[2] > 4.0, 60.0)
     places = setpoint_places(flight)
     assert places[0][2] < flight.site.workspace.min_altitude_m
-    # At v_MIN or below until it is out.
+    # At v_MIN or below until the end of the escape leg.
     slow_mps = flight.vehicle.speed.min_mps
     for setpoint, (_, _, z) in zip(flight.setpoints, places, strict=True):
         if z < flight.site.workspace.min_altitude_m:
@@ -268,19 +268,19 @@ def test_a_plan_that_takes_seconds_is_joined_without_a_jump():
     judged(flight)
 
 
-def test_a_planner_that_falls_silent_leaves_the_last_plan_to_be_flown():
+def test_when_the_planner_falls_silent_the_last_plan_is_flown_to_its_end():
     flight = hovering(vehicle="x500")
     flight.begin(INSPECTION)
     flight.planning = False
     flight.run_until_state("at_target", 90.0)
     flight.run_until_state("holding", 20.0)
     flight.run(2.0)
-    assert flight.state == "holding"  # at the target whose next one could not be planned
+    assert flight.state == "holding"  # at the last target of the old plan
     judged(flight)
 
 
-def test_what_is_ahead_is_measured_ten_times_a_second_and_risks_at_each_position(monkeypatch):
-    """Measured at each position, it was a third of a cycle's processor time."""
+def test_the_path_ahead_is_measured_ten_times_a_second_and_the_risks_at_each_position(monkeypatch):
+    """At each position the measurement took a third of a cycle's processor time."""
     counts = Counter()
     for name in ("look_ahead", "assess_risk"):
         method = getattr(MissionExecutor, name)

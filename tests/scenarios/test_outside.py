@@ -1,7 +1,7 @@
-"""Outside the workspace: what an order finds there, by the aircraft that flies it.
+"""Orders outside the workspace, by the true flight.
 
-On the landing leg of the exit 1.5 m past the border a pilot takes the mode, or the process is
-started anew without what it knew; above the landing point an inspection begins. Below the least
+On the landing leg of the exit 1.5 m past the border a pilot takes the mode, or the process
+restarts without a state file. Above the landing point an inspection begins. Below the least
 altitude, inside or outside, an order climbs first.
 """
 
@@ -37,7 +37,7 @@ from .marks import ARDUPILOT_FIRST, BOTH
 
 PX4, ARDUPILOT = Manner.PX4, Manner.ARDUPILOT
 RIGHT_M = 30.0
-"""Where the workspace ends."""
+"""Border of the workspace."""
 
 
 def x_m(flight) -> float:
@@ -73,7 +73,7 @@ def on_the_leg(manner: Manner, low: bool = False) -> Lockstep:
 
 
 def left(manner, how, *, low=False):
-    """The same, taken over by the pilot, or after a crash that has left no state file."""
+    """A flight on the leg after a takeover, or after a crash without a state file."""
     flight = on_the_leg(manner, low)
     if how == "crash":
         flight.companion = flight.new_companion()
@@ -85,7 +85,7 @@ def left(manner, how, *, low=False):
 
 
 def flown(flight, order, until):
-    """The order is accepted and flown; the least x on the way."""
+    """Flies an accepted order to a state; returns the least x on the path."""
     order()
     flight.give_mode()
     assert flight.operator.answers()[-1] == ACCEPTED
@@ -110,7 +110,7 @@ def flown(flight, order, until):
         pytest.param(ARDUPILOT, "exit", True, marks=pytest.mark.slow),
     ],
 )
-def test_after_a_takeover_on_the_landing_leg_the_rest_of_it_is_flown(manner, order, low):
+def test_after_a_takeover_on_the_landing_leg_an_order_flies_the_rest_of_the_leg(manner, order, low):
     flight = left(manner, "takeover", low=low)
     operator = flight.operator
     orders = {"exit": lambda: operator.mission(EXIT), "continue": operator.go_on}
@@ -141,7 +141,7 @@ def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, 
         list(itertools.product(Manner, ("takeover", "crash"), (False, True))),
     ),
 )
-def test_outside_on_the_landing_leg_an_inspection_leads_back_in(manner, how, low):
+def test_outside_on_the_landing_leg_an_inspection_returns_into_the_workspace(manner, how, low):
     flight = left(manner, how, low=low)
     flown(flight, lambda: flight.operator.mission(INSPECTION), "at_target")
 
@@ -193,7 +193,7 @@ def test_above_the_landing_point_the_next_inspection_is_flown(manner, low):
 
 
 @ARDUPILOT_FIRST
-def test_above_the_landing_point_a_second_exit_stays_there(manner):
+def test_above_the_landing_point_a_second_exit_does_not_move_the_aircraft(manner):
     flight = on_the_leg(manner)
     flight.run_until_state("holding", 60.0)
     flight.run(2.0)
@@ -210,7 +210,7 @@ def test_above_the_landing_point_a_second_exit_stays_there(manner):
         pytest.param(PX4, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
     ],
 )
-def test_from_below_the_least_altitude_it_climbs_first(manner, start_m, mission):
+def test_from_below_the_least_altitude_an_order_climbs_first(manner, start_m, mission):
     flight = Lockstep(manner=manner, start_m=start_m, site=site_above(4.0))
     flight.start_in_the_air(2.5)
     assert z_m(flight) < 3.0

@@ -1,4 +1,4 @@
-"""Flights on signed links: they fly as others do, and what is not signed changes nothing."""
+"""Flights on signed links: the same flight as without signing; unsigned packets have no effect."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..mavlink.signed import OTHER_SECRET, SECRET, SignedPeer, found_in
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
-def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner):
+def test_an_inspection_is_flown_on_signed_links_and_no_output_contains_the_key(manner):
     flight = hovering(manner=manner, secret=SECRET)
     flight.begin(INSPECTION, 0)
     flight.run_until_state("at_target", 120.0)
@@ -33,7 +33,7 @@ def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner
     latest = LatestDecisions()
     latest.note(flight.decisions, companion.telemetry.link)
     status = latest.status_of(companion, flight.now_s, clock_offset_s=0.0, recorder=None)
-    told = [
+    texts = [
         *received,
         *(data for _, data in flight.to_autopilot),
         repr(flight.config).encode(),
@@ -41,7 +41,7 @@ def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner
         json.dumps([decision.data for decision in flight.decisions]).encode(),
         json.dumps(status).encode(),
     ]
-    assert found_in(b"\n".join(told)) == []
+    assert found_in(b"\n".join(texts)) == []
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner
 def test_a_stranger_can_neither_command_nor_pose_as_the_autopilot(stranger, reason):
     flight = hovering(secret=SECRET)
     flight.begin(INSPECTION, 0)
-    said = len(flight.operator.received)
+    received = len(flight.operator.received)
     telemetry = flight.companion.telemetry.autopilot
     flight.handle(stranger.command(31010, RELEASE))
     flight.handle(stranger.command(31010, 0))
@@ -66,13 +66,13 @@ def test_a_stranger_can_neither_command_nor_pose_as_the_autopilot(stranger, reas
     flight.run(1.0)
     assert flight.state == "flying"
     assert flight.companion.signing.packets_refused[COMPANION_LINK][reason] == 3
-    texts = [m.text for m in flight.operator.received[said:] if m.get_type() == "STATUSTEXT"]
+    texts = [m.text for m in flight.operator.received[received:] if m.get_type() == "STATUSTEXT"]
     assert texts.count(f"MOAR: 3 packets refused: {reason.value}") == 1
-    assert not [m for m in flight.operator.received[said:] if m.get_type() == "COMMAND_ACK"]
+    assert not [m for m in flight.operator.received[received:] if m.get_type() == "COMMAND_ACK"]
 
 
 @pytest.mark.slow
-def test_an_order_that_was_recorded_cannot_be_given_again():
+def test_a_replayed_order_has_no_effect():
     flight = hovering(secret=SECRET)
     recorded = []
     handle = flight.handle
@@ -95,7 +95,7 @@ def test_an_order_that_was_recorded_cannot_be_given_again():
     assert flight.state == "released"
 
 
-def test_an_autopilot_that_does_not_sign_is_not_heard_on_a_signed_link():
+def test_an_autopilot_that_does_not_sign_is_not_received_on_a_signed_link():
     flight = hovering(secret=SECRET)
     companion = flight.new_companion()
     companion.tick(0.0)

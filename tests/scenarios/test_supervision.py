@@ -1,4 +1,4 @@
-"""The supervisor in flight, beside both autopilots: it holds, goes on, or leads out in time."""
+"""The supervisor in flight, with both autopilots: hold, resume, escape route in time."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def flown(flight):
 
 
 @PX4_FIRST
-def test_wind_above_the_limit_is_waited_for_and_the_inspection_goes_on(manner):
+def test_wind_above_the_limit_holds_the_inspection_which_then_resumes(manner):
     flight = in_flight(manner, supervision=Supervision(wind_limit_mps=7.0))
     conditions = flight.autopilot.conditions
     conditions.wind_mps, conditions.wind_from_deg = 10.0, 270.0
@@ -61,7 +61,7 @@ def test_wind_above_the_limit_is_waited_for_and_the_inspection_goes_on(manner):
 
 
 @ARDUPILOT_FIRST
-def test_a_battery_at_its_reserve_is_flown_out_and_above_the_landing_point(manner):
+def test_a_battery_at_its_reserve_makes_the_aircraft_exit_to_above_the_landing_point(manner):
     flight = in_flight(manner)
     flight.autopilot.conditions.battery_percent = 19.0
     flight.run_until(lambda: flown(flight) == "exit", 15.0)
@@ -71,8 +71,8 @@ def test_a_battery_at_its_reserve_is_flown_out_and_above_the_landing_point(manne
 
 
 @BOTH
-def test_a_battery_that_becomes_critical_on_the_escape_route_is_evacuated(manner):
-    """ArduPilot calls it a failsafe even where it does nothing."""
+def test_a_battery_that_becomes_critical_on_the_exit_begins_an_evacuation(manner):
+    """ArduPilot reports a failsafe even without an action."""
     flight = in_flight(manner)
     if manner is Manner.ARDUPILOT:
         flight.autopilot.set_parameter("BATT_FS_CRT_ACT", 0)
@@ -85,13 +85,13 @@ def test_a_battery_that_becomes_critical_on_the_escape_route_is_evacuated(manner
     assert flight.operator.has_received("MOAR: battery 0 is critical, evacuating")
     flight.run_until_state("landing_leg", 60.0)
     assert flown(flight) == "evacuation"
-    # It turns round on the leg of the exit, which has led it a little out of the workspace.
+    # The aircraft turns round on the landing leg of the exit, a little outside the workspace.
     assert_nothing_was_touched(flight)
     assert_setpoints_never_jump(flight)
 
 
 @BOTH
-def test_a_receiver_that_loses_its_fix_is_a_hold_until_the_autopilot_decides(manner):
+def test_a_receiver_that_loses_its_fix_holds_the_mission_until_the_autopilot_acts(manner):
     flight = in_flight(manner)
     flight.autopilot.conditions.gps_mode = GPS_NO_FIX
     flight.run_until_state("holding", 4.0)
@@ -110,7 +110,7 @@ def test_a_receiver_that_loses_its_fix_is_a_hold_until_the_autopilot_decides(man
 
 @PX4_FIRST
 @pytest.mark.parametrize("action", [LinkLoss.HOLD, LinkLoss.EXIT])
-def test_without_a_ground_station(manner, action):
+def test_the_loss_of_the_ground_station_has_the_configured_action(manner, action):
     limits = Supervision(ground_link_lost_s=3.0, ground_link_action=action)
     flight = in_flight(manner, supervision=limits)
     flight.operator.silent = True
@@ -128,7 +128,7 @@ def test_without_a_ground_station(manner, action):
 
 
 @BOTH
-def test_an_inspection_is_denied_where_it_would_be_held_at_once(manner):
+def test_an_inspection_is_rejected_where_a_condition_would_hold_it_at_once(manner):
     flight = hovering(manner=manner, supervision=Supervision(battery_reserve=0.99))
     flight.run(5.0)
     flight.operator.mission(INSPECTION)

@@ -1,4 +1,4 @@
-"""Trouble in flight: pilots, failsafes, links and gusts; what was let go stays let go."""
+"""Trouble in flight: pilots, failsafes, links and gusts; released control stays released."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ LANDS_WHEN_LOW = {
     Manner.PX4: {},
     Manner.ARDUPILOT: {"BATT_LOW_VOLT": 11.4, "BATT_FS_LOW_ACT": 1},
 }
-"""PX4's own answers to a low battery are on; ArduPilot's are set by its owner."""
+"""PX4 acts on a low battery by default; for ArduPilot the parameters are set."""
 LOW_PERCENT = {Manner.PX4: 6.0, Manner.ARDUPILOT: 40.0}
 
 CLEARED_S = 12.0
 """Every condition has cleared by then: the slowest takes 10 s."""
 MODE_LAG_S = 0.2
-"""Modes are told twenty times a second by PX4, at once by ArduPilot."""
+"""PX4 reports the mode twenty times a second, ArduPilot at once."""
 
 
 @flown_once
@@ -55,7 +55,7 @@ def silent_since(flight, began_s, lag_s=MODE_LAG_S):
 
 
 @pytest.mark.parametrize(("mode", "manner"), [("position", Manner.PX4), ("hold", Manner.ARDUPILOT)])
-def test_the_pilot_takes_over_and_keeps_the_aircraft_even_when_he_gives_our_mode_back(mode, manner):
+def test_a_pilot_who_takes_over_keeps_control_even_after_giving_the_mode_back(mode, manner):
     flight = in_flight(manner=manner)
     flight.autopilot.move_sticks()
     flight.run(0.2)
@@ -78,7 +78,7 @@ def test_the_pilot_takes_over_and_keeps_the_aircraft_even_when_he_gives_our_mode
     assert_setpoints_never_jump(flight)
 
 
-def test_the_sticks_take_over_where_the_autopilot_is_told_so():
+def test_the_sticks_take_over_where_the_autopilot_is_configured_for_it():
     flight = in_flight(options={"parameters": {"COM_RC_OVERRIDE": 3}})
     flight.autopilot.move_sticks()
     flight.run(1.0)
@@ -92,7 +92,7 @@ def test_the_sticks_take_over_where_the_autopilot_is_told_so():
 
 
 @BOTH
-def test_released_by_the_operator_is_silent_for_good(manner):
+def test_after_a_release_by_the_operator_no_setpoint_is_sent(manner):
     flight = in_flight(manner=manner)
     flight.operator.mission(RELEASE)
     flight.run(0.2)
@@ -107,7 +107,7 @@ def test_released_by_the_operator_is_silent_for_good(manner):
 
 
 @BOTH
-def test_a_lost_position_is_released_and_its_return_brings_no_setpoint(manner):
+def test_a_lost_position_releases_and_its_return_starts_no_stream(manner):
     flight = in_flight(manner=manner)
     flight.autopilot.conditions.gps_mode = GPS_NO_FIX
     flight.run_until_state("released", 20.0)
@@ -121,14 +121,14 @@ def test_a_lost_position_is_released_and_its_return_brings_no_setpoint(manner):
 
 
 @ARDUPILOT_FIRST
-def test_a_critical_battery_is_the_autopilots_affair_and_a_new_order_the_operators(manner):
+def test_on_a_critical_battery_the_autopilot_acts_and_only_a_new_order_starts_a_stream(manner):
     flight = in_flight(manner=manner, options={"parameters": LANDS_WHEN_LOW[manner]})
     flight.autopilot.conditions.battery_percent = LOW_PERCENT[manner]
     flight.run_until_state("released", 20.0)
     released = flight.now_s
     flight.run(4.0)
     assert silent_since(flight, released, 0.0)
-    # He knows, stops the landing, and wants it out by the planned way all the same.
+    # The operator stops the landing and orders the planned evacuation.
     flight.operator.mode("hold")
     flight.run_until(lambda: flight.truth.landed_state == 2, 5.0)
     flight.run(2.0)
@@ -140,7 +140,7 @@ def test_a_critical_battery_is_the_autopilots_affair_and_a_new_order_the_operato
 
 
 @PX4_FIRST
-def test_a_critical_battery_is_not_taken_back_when_the_charge_recovers(manner):
+def test_a_critical_battery_stays_critical_when_the_charge_recovers(manner):
     flight = in_flight(manner=manner, options={"parameters": LANDS_WHEN_LOW[manner]})
     flight.autopilot.conditions.battery_percent = LOW_PERCENT[manner]
     flight.run_until_state("released", 20.0)
@@ -153,7 +153,7 @@ def test_a_critical_battery_is_not_taken_back_when_the_charge_recovers(manner):
 
 
 @PX4_FIRST
-def test_a_link_cut_both_ways_is_silence_that_lasts_when_it_is_back(manner):
+def test_a_link_cut_in_both_directions_ends_the_stream_even_after_the_link_returns(manner):
     flight = in_flight(manner=manner)
     cut = flight.now_s
     flight.cut = True
@@ -169,7 +169,7 @@ def test_a_link_cut_both_ways_is_silence_that_lasts_when_it_is_back(manner):
 
 
 @BOTH
-def test_a_link_cut_towards_us_alone_ends_the_stream_that_still_gets_through(manner):
+def test_a_link_cut_towards_the_companion_alone_ends_the_stream(manner):
     flight = in_flight(manner=manner)
     cut = flight.now_s
     flight.deaf = True
@@ -182,7 +182,7 @@ def test_a_link_cut_towards_us_alone_ends_the_stream_that_still_gets_through(man
 
 
 @BOTH
-def test_an_autopilot_that_restarts_in_flight_is_let_go(manner):
+def test_an_autopilot_restart_in_flight_releases(manner):
     flight = in_flight(manner=manner)
     flight.autopilot.reboot()
     rebooted = flight.now_s
@@ -216,7 +216,7 @@ GUSTS = [
     ("site", "from_deg"),
     sampled(GUSTS[:1], GUSTS),
 )
-def test_a_gust_makes_it_late_and_not_lost(site, from_deg):
+def test_a_gust_delays_the_aircraft_and_does_not_end_the_mission(site, from_deg):
     calm = hovering(site=site)
     calm.begin(INSPECTION, 0)
     calm.run(8.0)
@@ -230,7 +230,7 @@ def test_a_gust_makes_it_late_and_not_lost(site, from_deg):
     assert_setpoints_keep_to_free_space(flight)
 
 
-def test_a_gust_that_blows_it_out_of_the_plane_is_waited_for_in_the_plane():
+def test_while_a_gust_blows_the_aircraft_out_of_the_plane_the_setpoint_waits_in_the_plane():
     flight = under_way()
     flight.run_in_wind(16.0, 0.0, 8.0)
     assert max(abs(y) for _, y, _ in true_places(flight)) > 2.0
@@ -240,7 +240,7 @@ def test_a_gust_that_blows_it_out_of_the_plane_is_waited_for_in_the_plane():
     assert_setpoints_keep_to_free_space(flight)
 
 
-def test_a_gust_into_a_keep_out_moves_no_setpoint_there():
+def test_a_gust_into_a_keep_out_moves_no_setpoint_into_the_keep_out():
     flight = under_way()
     flight.run_in_wind(16.0, 90.0, 8.0)  # from the outer side towards the conductors
     assert [d for d in flight.decisions if "off the path" in d.data.get("reason", "")]
@@ -249,7 +249,7 @@ def test_a_gust_into_a_keep_out_moves_no_setpoint_there():
     assert_setpoints_keep_to_free_space(flight)
 
 
-def test_blown_off_where_there_is_room_it_plans_again_from_where_it_is():
+def test_blown_off_where_there_is_room_the_mission_is_planned_again_from_the_new_place():
     flight = under_way()
     flight.run_in_wind(16.0, 270.0, 8.0)  # away from the conductors
     assert [d for d in flight.decisions if "off the path" in d.data.get("reason", "")]
@@ -262,7 +262,7 @@ def test_blown_off_where_there_is_room_it_plans_again_from_where_it_is():
 # Before the mode is given -----------------------------------------------------------------------
 
 
-def test_a_hold_that_the_pilot_flies_away_from_is_not_flown_back_to():
+def test_the_aircraft_does_not_fly_back_to_a_hold_that_the_pilot_has_left():
     flight = hovering()
     flight.operator.mission(INSPECTION)
     flight.run_until_state("ready", 3.0)
@@ -281,7 +281,7 @@ def test_a_hold_that_the_pilot_flies_away_from_is_not_flown_back_to():
     assert least_true_clearance_m(flight) > 0.0
 
 
-def test_a_mission_ordered_on_the_ground_or_while_taking_off_is_for_later():
+def test_a_mission_ordered_on_the_ground_or_while_taking_off_is_temporarily_rejected():
     flight = Lockstep()
     flight.run(8.0)
     flight.operator.mission(INSPECTION)

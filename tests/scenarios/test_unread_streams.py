@@ -1,4 +1,4 @@
-"""Streams that the companion does not read are asked down, where nobody else does read them."""
+"""Rates of unread streams: reduced where no other system reads them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ STREAMED_HZ = 50
 
 
 class Wire(Lockstep):
-    """Counts what comes on the companion's link, and hears the ground station there or not."""
+    """Counts packets on the companion's link, with or without a ground station there."""
 
     def __init__(self, manner):
         super().__init__(manner=manner)
@@ -50,13 +50,13 @@ class Wire(Lockstep):
         super().handle(data)
 
     def rates_hz(self, seconds=10.0):
-        """By message id, over the next seconds."""
+        """Rates by message id, over the next seconds."""
         self.come.clear()
         self.run(seconds)
         return {message_id: count / seconds for message_id, count in self.come.items()}
 
     def stream_everything(self):
-        """As ArduPilot's SR2 parameters would; the companion's own ids, for nobody else is here."""
+        """As ArduPilot's SR2 parameters; with the companion's ids, the only ones on this link."""
         packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
         request = packer.request_data_stream_encode(1, 1, 0, STREAMED_HZ, 1)
         self.autopilot.receive("companion", request.pack(packer))
@@ -64,11 +64,11 @@ class Wire(Lockstep):
 
 @pytest.mark.slow
 @BOTH
-def test_what_is_not_read_comes_once_a_second_until_somebody_shares_the_link(manner):
+def test_unread_messages_come_once_a_second_until_a_ground_station_shares_the_link(manner):
     flight = Wire(manner)
     flight.run(3.0)
     if manner is Manner.ARDUPILOT:
-        flight.run(45.0)  # until it has a position to tell
+        flight.run(45.0)  # until the autopilot reports a position
         flight.stream_everything()
     flight.run(1.0)
     before = flight.rates_hz(5.0)
@@ -91,7 +91,7 @@ def test_what_is_not_read_comes_once_a_second_until_somebody_shares_the_link(man
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manner", sampled([Manner.PX4], list(Manner)))
-def test_where_a_ground_station_is_heard_nothing_is_asked_down(manner):
+def test_on_a_link_with_a_ground_station_no_stream_rate_is_reduced(manner):
     flight = Wire(manner)
     flight.operator.silent = False
     flight.run(3.0)
@@ -108,12 +108,12 @@ class SerialWire(Wire):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
-def test_on_a_serial_port_a_forwarded_ground_station_keeps_nothing_from_being_asked_down(manner):
+def test_on_a_serial_port_stream_rates_are_reduced_despite_a_forwarded_ground_station(manner):
     flight = SerialWire(manner)
     flight.operator.silent = False
     flight.run(3.0)
     if manner is Manner.ARDUPILOT:
-        flight.run(45.0)  # until it has a position to tell
+        flight.run(45.0)  # until the autopilot reports a position
         flight.stream_everything()
     flight.run(11.0)
     rates_hz = flight.rates_hz()

@@ -1,4 +1,4 @@
-"""Wind from tilt in lockstep: its own manoeuvres are not wind, and wind is followed."""
+"""Wind from tilt in lockstep: own manoeuvres are no wind, and true wind is followed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def short_manoeuvre(flight):
 
 
 @ARDUPILOT_FIRST
-def test_in_calm_air_no_manoeuvre_is_wind(manner):
+def test_in_calm_air_no_manoeuvre_is_reported_as_wind(manner):
     flight = in_the_air(manner)
     flight.run(8.0)
     rest = flight.reported[-1].risk
@@ -38,7 +38,9 @@ def test_in_calm_air_no_manoeuvre_is_wind(manner):
     ("manner", "drag"),
     sampled([(ARDUPILOT, 0.7)], list(itertools.product(Manner, (0.7, 1.3)))),
 )
-def test_in_calm_air_not_even_with_a_drag_that_is_30_percent_off(manner, drag):
+def test_in_calm_air_no_manoeuvre_is_reported_as_wind_with_a_drag_that_is_30_percent_off(
+    manner, drag
+):
     flight = in_the_air(manner, drag=drag)
     flight.run(15.0)
     rest = flight.reported[-1].risk
@@ -66,7 +68,7 @@ def test_a_wind_that_rises_and_falls_is_followed_within_three_seconds(manner):
         list(itertools.product(Manner, (0.7, 1.0, 1.3))),
     ),
 )
-def test_the_wind_told_is_as_wrong_as_the_drag(manner, drag):
+def test_the_reported_wind_has_the_relative_error_of_the_drag(manner, drag):
     error = {0.7: 0.34, 1.0: 0.06, 1.3: 0.35}[drag]
     flight = in_the_air(manner, drag=drag)
     for wind_mps in (4.0, 8.0):

@@ -38,9 +38,9 @@ def path(name: str) -> Path:
 
 
 def flown(name: str, renamed: dict[str, str], exact: bool) -> tuple[str, Trace, str, float]:
-    """A flight's name, its trace, why it did not come to its end, and its processor time.
+    """A flight's name, its trace, the reason of a failure, and its processor time.
 
-    exact: it is replayed, too, and a difference is told like an end that it did not come to.
+    exact: the flight is also replayed, and a difference counts as a failure.
     """
     began_s, failed = time.process_time(), ""
     ready, fly = FLIGHTS[name]
@@ -55,7 +55,7 @@ def flown(name: str, renamed: dict[str, str], exact: bool) -> tuple[str, Trace, 
 
 
 def _parted(flight: Lockstep) -> str:
-    """Where the flight's exact replay parts first; empty where it does not."""
+    """First difference of the flight's exact replay; empty if there is none."""
     replay = ExactReplay()
     for call in flight.calls:
         for item in replay.feed(json.loads(json.dumps(call_encoded(call), allow_nan=False))):
@@ -65,7 +65,7 @@ def _parted(flight: Lockstep) -> str:
 
 
 def make(name: str, trace: Trace, failed: str) -> list[str]:
-    """Store a trace; why it cannot be stored."""
+    """Store a trace; returns the reasons if that is impossible."""
     if failed:
         return [failed]
     text = json.dumps({"made_with": MADE_WITH, **trace}, indent=0)
@@ -78,7 +78,7 @@ def compare(name: str, trace: Trace, failed: str) -> list[str]:
     if not path(name).exists():
         return ["has no trace"]
     then = json.loads(lzma.decompress(path(name).read_bytes()))
-    found = [told for channel in CHANNELS if (told := difference(channel, then, trace))]
+    found = [each for channel in CHANNELS if (each := difference(channel, then, trace))]
     if found and then["made_with"] != MADE_WITH:
         found.append(f"made with {then['made_with']}, compared with {MADE_WITH}")
     return [*found, failed] if failed else found

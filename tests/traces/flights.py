@@ -27,7 +27,7 @@ FLIGHTS: dict[str, tuple[Callable[[], Lockstep], Callable[[Any], object]]] = {
 
 
 def flown_with(parameters=None, **options):
-    """Enter a story into the table for both autopilots. options: of Lockstep."""
+    """Add a story to the table for both autopilots. options: of Lockstep."""
 
     def enter(story):
         for manner in Manner:
@@ -40,7 +40,7 @@ def flown_with(parameters=None, **options):
 
 
 def left_by(flight, mission):
-    """Ordered in flight, until it holds above the landing point."""
+    """Order a mission in flight, and run until it holds above the landing point."""
     flight.operator.mission(mission)
     flight.run_until_state("landing_leg", 120.0)
     flight.run_until_state("holding", 60.0)

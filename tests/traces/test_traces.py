@@ -1,4 +1,4 @@
-"""Traces of flights: the same each time, and a difference is found with its time."""
+"""Traces of flights: repeatable; a difference is found with its time."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def flight():
 def found(before, after, renamed=None):
     """The differences of the flights by channel."""
     then, now = trace_of(before, {}), trace_of(after, renamed or {})
-    told = {name: difference(name, then, now) for name in CHANNELS}
-    return {name: text for name, text in told.items() if text}
+    differences = {name: difference(name, then, now) for name in CHANNELS}
+    return {name: text for name, text in differences.items() if text}
 
 
 def test_a_flight_that_is_flown_twice_has_the_same_trace(flight):
@@ -41,7 +41,7 @@ def test_a_flight_that_is_flown_twice_has_the_same_trace(flight):
     assert found(flight, again) == {}
 
 
-def test_a_setpoint_that_differs_is_found_with_its_time_and_nothing_else_is(flight):
+def test_only_the_setpoint_that_differs_is_found_with_its_time(flight):
     changed = copy_of(flight)
     changed.setpoints = list(changed.setpoints)
     index = max(i for i, item in enumerate(changed.setpoints) if item.time_s < 22.99)
@@ -57,15 +57,15 @@ def test_a_setpoint_that_differs_is_found_with_its_time_and_nothing_else_is(flig
     assert f"is at {item.time_s:.2f} s: x {message.x:.2f} " in differences["setpoints"]
 
 
-def test_a_setpoint_that_differs_by_less_than_is_shown_is_found_too(flight):
+def test_a_setpoint_that_differs_by_less_than_the_printed_digits_is_found(flight):
     changed = copy_of(flight)
     item = changed.setpoints[-10]
     message = copy.copy(item.message)
     message.x += 1e-6
     packet = message.pack(mavlink.MAVLink(None))
     changed.setpoints[-10] = replace(item, packet=packet)
-    told = found(flight, changed)["setpoints"]
-    assert told.endswith("by less than the lines are rounded to")
+    differences = found(flight, changed)["setpoints"]
+    assert differences.endswith("by less than the lines are rounded to")
 
 
 def changed_decision(flight, kind, **data):
@@ -84,7 +84,7 @@ def test_a_decision_that_differs_is_found_with_its_time(flight):
     assert f'is at {time_s:.2f} s: state {{"state": "released"' in differences["decisions"]
 
 
-def test_words_that_differ_are_told_apart_from_decisions(flight):
+def test_texts_that_differ_are_listed_separately_from_decisions(flight):
     changed, time_s = changed_decision(flight, "condition", reason="in other words")
     differences = found(flight, changed)
     assert set(differences) == {"texts"}
@@ -107,7 +107,7 @@ def test_each_flight_has_a_trace_and_all_are_small():
     assert sum(file.stat().st_size for file in files.values()) < 200_000
 
 
-def test_a_name_of_no_flight_is_an_error(capsys):
+def test_an_unknown_flight_name_is_an_error(capsys):
     with pytest.raises(SystemExit):
         main(["compare", "--only", "nothing"])
     assert "no flight is named 'nothing'" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The trace of a flight, and where two traces differ."""
+"""The trace of a flight, and the differences of two traces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Trace = dict[str, dict[str, Any]]
 
 
 def trace_of(flight, renamed: dict[str, str]) -> Trace:
-    """The trace of what was flown. renamed: old words by new ones, in decisions and texts."""
+    """The trace of a flight. renamed: old words by new ones, in decisions and texts."""
     new = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, renamed))})(?![\w-])")
 
     def old(text: str) -> str:
@@ -35,7 +35,7 @@ def trace_of(flight, renamed: dict[str, str]) -> Trace:
             second, taken = str(int(time_s + 1e-6)), f"{time_s:.3f} {old(exact)}\n".encode()
             everything.update(taken)
             seconds.setdefault(second, hashlib.sha256()).update(taken)
-            if line:  # of setpoints the last of each second is kept
+            if line:  # the last setpoint of each second is kept
                 lines[second if name == "setpoints" else number] = [round(time_s, 3), old(line)]
         trace[name] = {
             "all": everything.hexdigest(),
@@ -46,18 +46,18 @@ def trace_of(flight, renamed: dict[str, str]) -> Trace:
 
 
 def difference(name: str, then: Trace, now: Trace) -> str:
-    """When and by what a channel differs first; empty where it does not."""
+    """First difference of a channel with its time; empty if there is none."""
     was, is_ = then[name], now[name]
     if was["all"] == is_["all"]:
         return ""
     differing = was["seconds"].items() ^ is_["seconds"].items()
-    told = f"{name} differ from second {min((int(s) for s, _ in differing), default='?')} on"
+    head = f"{name} differ from second {min((int(s) for s, _ in differing), default='?')} on"
     for before, after in itertools.zip_longest(was["lines"], is_["lines"], fillvalue=("end", "")):
         if before != after:
             return (
-                f"{told}\n    was at {before[0]} s: {before[1]}\n    is at {after[0]} s: {after[1]}"
+                f"{head}\n    was at {before[0]} s: {before[1]}\n    is at {after[0]} s: {after[1]}"
             )
-    return f"{told}, by less than the lines are rounded to"
+    return f"{head}, by less than the lines are rounded to"
 
 
 def _setpoints(flight) -> Iterator[tuple[float, str, str]]:
@@ -82,15 +82,15 @@ def _decisions(flight) -> Iterator[tuple[float, str, str]]:
 
 
 def _texts(flight) -> Iterator[tuple[float, str, str]]:
-    said: list[tuple[float, str, str]] = []
+    texts: list[tuple[float, str, str]] = []
     for time_s, _, message in _others(flight):
         if message.get_type() == "STATUSTEXT":
             line = f"severity {message.severity}: {message.text}"
-            said.append((time_s, f"{line} {message.id} {message.chunk_seq}", line))
+            texts.append((time_s, f"{line} {message.id} {message.chunk_seq}", line))
     for item in flight.decisions:
         _parted(item.data, words := [])
-        said += [(item.time_s, word, f"{item.kind}: {word}") for word in words]
-    yield from sorted(said, key=lambda each: each[0])
+        texts += [(item.time_s, word, f"{item.kind}: {word}") for word in words]
+    yield from sorted(texts, key=lambda each: each[0])
 
 
 _HAPPENED = dict(zip(CHANNELS, (_setpoints, _packets, _decisions, _texts), strict=True))
@@ -107,7 +107,7 @@ def _others(flight):
 
 
 def _content(packet: bytes) -> str:
-    """A MAVLink 2 packet without what depends on the packets before it."""
+    """A MAVLink 2 packet without the fields that depend on earlier packets."""
     return (packet[:4] + packet[5 : 10 + packet[1]]).hex()
 
 
@@ -122,7 +122,7 @@ def _parted(value, words: list[str]):
 
 
 def _shown(value, depth: int = 3):
-    """A value with rounded numbers, without what lies deep or is long."""
+    """A value with rounded numbers, without deep or long parts."""
     if isinstance(value, float):
         return round(value, 3) + 0.0
     if isinstance(value, dict):

@@ -7,47 +7,47 @@ held for the last `AFTERMATH_S` seconds:
 
 - Position: the estimate is off by at most k times R, with k = `ERROR_FACTOR` = 1. R is the greater
   of the margin's position error (1.4 m of PX4, 0.5 m of ArduPilot) and the accuracy that the
-  autopilot tells (PX4: ESTIMATOR_STATUS, level and height; ArduPilot: the receiver's h_acc).
-  k is 1 because plans and the gate keep R free and no more: a greater k would promise room that
-  nobody keeps, a smaller one would leave room unjudged that is kept.
+  autopilot reports (PX4: ESTIMATOR_STATUS, level and height; ArduPilot: the receiver's h_acc).
+  k is 1 because plans and the gate keep exactly R free. A greater k would promise room that they
+  do not keep; a smaller one would leave kept room unjudged.
 - Wind: at most what the aircraft holds, 0.8 times the wind at its greatest lean, and at most the
   supervisor's limit of 15 m/s; and the air's velocity changes by at most `GUST_MPS` within
   `GUST_S`. A harder gust moves the aircraft by more than the tracking margin before any setpoint
   can answer.
-- Aircraft: its drag, its motors and what its autopilot does with setpoints are as configured. It is
-  not disarmed and does not restart in the air.
-- Words: a packet with the autopilot's ids is the autopilot's, and of the present. Unsigned MAVLink
-  cannot tell another sender's.
+- Aircraft: drag, motors and the autopilot's response to setpoints are as configured. The aircraft
+  is not disarmed, and its autopilot does not restart in the air.
+- Words: a packet with the autopilot's ids was sent by the autopilot, recently. Unsigned MAVLink
+  does not identify another sender.
 
-Judged on the truth, while the aircraft is flown by the companion's setpoints, and for `LET_GO_S`
-after the stream has ended and the autopilot holds in its place (a pilot's, a return's and a
-landing's flight is theirs):
+Judged on the truth, while the companion's setpoints command the aircraft, and for `LET_GO_S` after
+the end of the stream while the autopilot holds. Flight by a pilot, a return or a landing is not
+judged:
 
 - collision: the hull (a ball of the vehicle's radius) touches no obstacle;
 - keep_out: the hull enters no keep-out of the site file.
 
-Judged on setpoints, while the words are the autopilot's, whatever wind and estimate do:
+Judged on setpoints, while the packets are the autopilot's, in any wind and with any estimate:
 
 - step: from one setpoint to the next no more than the vehicle's greatest speed (and v_MIN more
   while it moves over to its path) takes it. A reset of the estimate takes it along by as much. So
   does the aircraft when it is blown off by more than `off_path_m`: then the setpoint may come
   nearer to it at once;
 - begins: a stream begins within 2 m of the aircraft, or where the last one may have come to;
-- stale: the position that the companion has heard last was sent by the autopilot at most
+- stale: the position that the companion received last was sent by the autopilot at most
   `POSITION_AGE_S` before a setpoint that moves, `LAST_WORD_AGE_S` before one at rest; the mode at
   most `MODE_AGE_S` before;
 - outside: none is outside the workspace, below the least altitude or more than 2 m off the plane.
-  A landing leg may lead there, and what of it is still flown for `LEFT_LEG_S` until another plan
-  is joined; from there, by escape and recovery legs, the setpoint comes nearer and never goes
-  farther away;
-- setpoint_keep_out: none is nearer to an obstacle than the radius and its keep-out, unless it
-  begins at an aircraft that is there, and then it does not go deeper;
+  A landing leg may go there, and its rest for `LEFT_LEG_S` until another plan is joined. From
+  there, on escape and recovery legs, the setpoint comes nearer and never goes farther away;
+- setpoint_keep_out: none is nearer to an obstacle than the radius and its keep-out. Exception: a
+  stream that begins at an aircraft that is there, and does not go deeper;
 - silence: when the mode is taken, the stream ends within `SILENCE_S`, or `TOLD_S` after the first
-  message that tells it has arrived, if a bad link makes that later, or when the mode is stale. No
+  message that reports it, if a bad link makes that later, or when the mode is stale. No
   setpoint comes later without a new order;
 - authority: nothing is armed or disarmed; without `engage` no mode is requested.
 
-Outside the promise a violation is counted, with what was not held, and the faults of the flight.
+Outside the promise a violation is counted, with the parts of the promise that did not hold, and
+the faults of the flight.
 """
 
 ERROR_FACTOR = 1.0
@@ -65,6 +65,6 @@ TOLD_S = 0.1
 LEFT_LEG_S = 3.0
 """A plan begins beyond where the reference can stop: 1 s at these speeds; and plans may be slow."""
 DEVELOPMENT = range(1, 1_000_001)
-"""Seeds to mend by."""
+"""Seeds for development."""
 HELD_OUT = range(1_000_001, 2_000_001)
-"""Seeds for a final measurement: not looked at while anything is mended."""
+"""Seeds for a final measurement, not used during development."""

@@ -1,4 +1,4 @@
-"""The command: flies seeds, writes a row each, and says what broke the promise.
+"""The command: flies seeds, writes a row for each, and prints the broken promises.
 
     python -m tests.flights.campaign --seeds A:B [--workers N] [--out DIR] [--trace]
 

@@ -40,7 +40,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """A fault of a kind: when it begins after the first order, and how long it lasts."""
+    """A fault of a kind: its begin after the first order, and its duration."""
 
     kind: str
     at_s: float
@@ -50,7 +50,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draw:
-    """One flight, whole."""
+    """All inputs of one flight."""
 
     seed: int
     site: Site
@@ -67,7 +67,7 @@ class Draw:
 
 
 def draw(seed: int) -> Draw:
-    """The flight of a seed. Its first fault's kind goes round the table with the seeds."""
+    """The flight of a seed. Successive seeds take successive kinds for the first fault."""
     rng = random.Random(seed)
     manner = rng.choice(list(Manner))
     names = [name for name, kind in KINDS.items() if manner in kind.manners]
@@ -159,7 +159,7 @@ def generated_site(rng: random.Random, seed: int) -> Site:
 
 
 def _targets(rng: random.Random, obstacles: list[Obstacle]) -> list[Target]:
-    """Two places at a standoff from a conductor, as far from all others."""
+    """Two places at a standoff from a conductor, and at least as far from all others."""
     conductors = [item for item in obstacles if isinstance(item, Conductor)]
     targets: list[Target] = []
     for _ in range(200):

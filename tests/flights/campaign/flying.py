@@ -1,4 +1,4 @@
-"""Flies what was drawn, and writes down what was so at every step."""
+"""Flies a drawn flight and records every step."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _MAX_TRIES = 3
 
 
 def held_wind_mps(manner: Manner) -> float:
-    """The wind that is promised to be held."""
+    """Wind that the promise covers."""
     frame = AUTOPILOTS[manner.value].airframe
     push = GRAVITY_MPS2 * math.tan(LEAN_RAD[manner])
     linear, quadratic = frame.drag_per_s, frame.drag_per_m
@@ -75,12 +75,12 @@ class Sent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """All that is judged. Arrays have a row per step of `STEP_S`.
+    """Data for the judge. Arrays have a row per step of `STEP_S`.
 
     true_m       (n, 3)  the aircraft in the site's frame
-    error_m      (n, 3)  the estimate less that
+    error_m      (n, 3)  the estimate less true_m
     wind_mps     (n, 3)
-    reported_m       (n,)    the accuracy that the autopilot tells
+    reported_m       (n,)    the accuracy that the autopilot reports
     """
 
     draw: Draw
@@ -103,15 +103,15 @@ class Record:
     broken_s: dict[Breaks, float]
     """When each part of the promise ended, by the faults' kinds."""
     orders_s: list[float]
-    taken_told_s: list[float]
-    """When a message has arrived that tells another mode than ours."""
+    taken_reported_s: list[float]
+    """Times at which a message with another mode than the companion's has arrived."""
     forbidden: list[tuple[float, str]]
     notes: list[dict]
     texts: list[str] = field(default_factory=list)
 
 
 class Stopped:
-    """In a companion's place while it does not run. keeps: what arrives is taken in later."""
+    """Replacement of a companion that does not run. keeps: received data is read later."""
 
     def __init__(self, companion, *, keeps: bool) -> None:
         self.companion = companion
@@ -138,7 +138,7 @@ class Stopped:
 
 
 class RandomFlight(Lockstep):
-    """A flight as drawn, with what its faults need."""
+    """A drawn flight with the methods that its faults need."""
 
     def __init__(self, drawn: Draw) -> None:
         super().__init__(
@@ -156,7 +156,7 @@ class RandomFlight(Lockstep):
         self.sent: list[Sent] = []
         self.modes: list[str] = []
         self.orders_s: list[float] = []
-        self.taken_told_s: list[float] = []
+        self.taken_reported_s: list[float] = []
         self.forbidden: list[tuple[float, str]] = []
         self.began_s: dict[str, tuple[float, float]] = {}
         self.broken_s: dict[Breaks, float] = {}
@@ -180,33 +180,33 @@ class RandomFlight(Lockstep):
         azimuth = math.radians(self.site.frame.azimuth_deg)
         self._cos, self._sin = math.cos(azimuth), math.sin(azimuth)
 
-    # What faults do
+    # Methods for faults
 
     def note(self, **values) -> None:
-        """Numbers of the fault that begins now, for the row."""
+        """Adds the numbers of the starting fault to the row."""
         self._noted |= {
             name: round(value, 4) if isinstance(value, float) else value
             for name, value in values.items()
         }
 
     def note_order(self) -> None:
-        """Somebody has sent the companion an order."""
+        """Notes that a sender has sent the companion an order."""
         self.orders_s.append(self.now_s)
 
     def filter(self, one: packets.Filter):
-        """Let packets to the companion pass a filter; what is returned ends that."""
+        """Pass packets to the companion through a filter; returns the function that ends it."""
         self.filters.append(one)
         return lambda: self.filters.remove(one)
 
     def flag(self, name: str, value):
-        """Set an attribute; what is returned gives it back."""
+        """Set an attribute; returns the function that restores it."""
         before = getattr(self, name)
         self.note(**{name: value})
         setattr(self, name, value)
         return lambda: setattr(self, name, before)
 
     def each_step(self, act):
-        """Call with the step's length; what is returned ends that."""
+        """Call in each step with its length; returns the function that ends it."""
         self._each_step.append(act)
         return lambda: self._each_step.remove(act)
 
@@ -215,7 +215,7 @@ class RandomFlight(Lockstep):
         self._later.append((self.now_s + after_s, act))
 
     def ramp(self, name: str, start: float, end: float, over_s: float):
-        """Move a condition; what is returned moves it back."""
+        """Move a condition; returns the function that moves it back."""
 
         def move(first, last):
             began_s = self.now_s
@@ -233,14 +233,14 @@ class RandomFlight(Lockstep):
         return lambda: move(end, start)
 
     def stop_companion(self, *, killed: bool) -> None:
-        """It runs no more; killed: it is gone."""
+        """Stop the companion; killed: its process has ended."""
         if not isinstance(self.companion, Stopped):
             self.companion = Stopped(self.companion, keeps=not killed)
         if killed:
             self._jobs.clear()
 
     def wake_companion(self) -> None:
-        """It goes on, and hears at once what has arrived meanwhile."""
+        """Resume the companion, which reads all waiting data at once."""
         stopped = self.companion
         if not isinstance(stopped, Stopped) or not stopped.keeps:
             return
@@ -251,7 +251,7 @@ class RandomFlight(Lockstep):
             self.companion.plan_answered(answer)
 
     def restart_companion(self) -> None:
-        """A new one is started with the memory of the one that was killed."""
+        """Start a new companion with the snapshot of the killed one."""
         if not isinstance(self.companion, Stopped):
             return
         memory = self.companion.memory
@@ -301,7 +301,7 @@ class RandomFlight(Lockstep):
             self._mode_s = max(self._mode_s, sent_s)
             from_autopilot = (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
             if from_autopilot and message.custom_mode != OUR_MODE[self.drawn.manner]:
-                self.taken_told_s.append(self.now_s)
+                self.taken_reported_s.append(self.now_s)
         elif number == packets.ESTIMATOR_STATUS and self.drawn.manner is Manner.PX4:
             self._accuracy_m = max(message.pos_horiz_accuracy, message.pos_vert_accuracy)
         elif number == packets.GPS_RAW_INT and self.drawn.manner is Manner.ARDUPILOT:
@@ -330,7 +330,7 @@ class RandomFlight(Lockstep):
         return (*self._turned(north, east), up)
 
     def _local_in_site(self, x, y, z):
-        """A place of the autopilot's local frame, by the origin that it really has, or had last."""
+        """A place of the autopilot's local frame in the site's frame, by the true (last) origin."""
         nav = self.autopilot.manner.navigation
         if self.drawn.manner is Manner.PX4:
             self._origin = nav.origin, nav.origin_altitude_m
@@ -344,7 +344,7 @@ class RandomFlight(Lockstep):
 
     @staticmethod
     def _is_on_leg(flown, place_m) -> bool:
-        """On one of the legs that were checked as a whole, out of the workspace or back into it."""
+        """True on a leg that was checked as a whole, out of the workspace or back into it."""
         return any(distance_m(place_m, leg.points_m) <= ON_LEG_M for leg in flown._path.legs)
 
     def _write_down(self, setpoints) -> None:
@@ -384,7 +384,7 @@ class RandomFlight(Lockstep):
     # The flight
 
     def order(self, mission: int, index: float = -1) -> None:
-        """The operator orders, and gives the mode once it is offered."""
+        """The operator orders, and gives the mode when a hold is offered."""
         self._wanted, self._tries = (mission, index), 0
         self._send_order()
 
@@ -395,7 +395,7 @@ class RandomFlight(Lockstep):
         self.operator.mission(*self._wanted)
 
     def fly(self) -> Record:
-        """From boot to the end of what was drawn."""
+        """Flies from boot to the end of the drawn flight."""
         drawn = self.drawn
         conditions = self.autopilot.conditions
         conditions.wind_mps, conditions.wind_from_deg = drawn.wind_mps, drawn.wind_from_deg
@@ -448,7 +448,7 @@ class RandomFlight(Lockstep):
         )
 
     def _insist(self) -> None:
-        """Give the mode when it is offered; order again what was put off."""
+        """Give the mode when a hold is offered; repeat an order that was temporarily rejected."""
         if self._wanted is None:
             return
         if self.state != "ready" or self.operator.in_mode("ours"):
@@ -483,7 +483,7 @@ class RandomFlight(Lockstep):
             began_s=self.began_s,
             broken_s=self.broken_s,
             orders_s=self.orders_s,
-            taken_told_s=self.taken_told_s,
+            taken_reported_s=self.taken_reported_s,
             forbidden=self.forbidden,
             notes=self.notes,
             texts=self.operator.texts(),

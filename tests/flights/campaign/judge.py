@@ -1,6 +1,6 @@
-"""The judge: whether a flight kept the promise, from the truth and the setpoints alone.
+"""The judge: decides from the truth and the setpoints if a flight kept the promise.
 
-Independent of the planner, the gate and the other judge: distances are its own, by NumPy.
+Independent of the planner, the gate and the other judge, with its own distances by NumPy.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ TAKEN_FROM_M = 1.8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Violation:
-    """The first of a rule, and how often it was broken. outside: what did not hold of it."""
+    """First violation of a rule and their number. outside: broken parts of the promise."""
 
     rule: str
     time_s: float
@@ -78,12 +78,12 @@ class Judgement:
 
     @property
     def row(self) -> dict:
-        """As JSON."""
+        """The judgement as a JSON object."""
         return {"verdict": self.verdict, **asdict(self)}
 
 
 def clearance_m(obstacle: Obstacle, points_m: np.ndarray) -> np.ndarray:
-    """From each (x, z) to an obstacle: 0 on its outline, negative inside."""
+    """Distance of each (x, z) from an obstacle: 0 on its outline, negative inside."""
     if isinstance(obstacle, Conductor):
         return np.hypot(*(points_m - obstacle.position_m).T) - obstacle.radius_m
     corners = np.array(obstacle.vertices_m)
@@ -102,7 +102,7 @@ def clearance_m(obstacle: Obstacle, points_m: np.ndarray) -> np.ndarray:
 
 
 def room_m(site: Site, points_m: np.ndarray, radius_m: float, *, keep_out: bool) -> np.ndarray:
-    """From the hull at each (x, z) to the nearest obstacle, or to the nearest keep-out."""
+    """Distance of the hull at each (x, z) from the nearest obstacle, or the nearest keep-out."""
     points_m = np.reshape(points_m, (-1, 2))
     if not site.obstacles:
         return np.full(len(points_m), math.inf)
@@ -155,7 +155,7 @@ def _greatest(values) -> float | None:
     return round(float(np.max(values)), 3) if len(values) else None
 
 
-# What holds of the promise ----------------------------------------------------------------------
+# Parts of the promise ---------------------------------------------------------------------------
 
 
 def _promised_error_m(record: Record) -> np.ndarray:
@@ -163,7 +163,7 @@ def _promised_error_m(record: Record) -> np.ndarray:
 
 
 def _outside(record: Record) -> dict[str, np.ndarray]:
-    """By what does not hold: at which steps."""
+    """For each part of the promise: the steps at which it does not hold."""
     time_s = record.time_s
     error = np.linalg.norm(record.error_m, axis=1) > _promised_error_m(record)
     wind = np.linalg.norm(record.wind_mps, axis=1) > record.held_wind_mps + 1e-9
@@ -178,7 +178,7 @@ def _outside(record: Record) -> dict[str, np.ndarray]:
 
 
 def _gusts(record: Record) -> np.ndarray:
-    """At which steps the air has changed too fast: its range within the last `GUST_S`."""
+    """Steps at which the air has changed too fast: its range within the last `GUST_S`."""
     steps = max(1, round(GUST_S / float(np.median(np.diff(record.time_s)))))
     wind = record.wind_mps
     hard = np.zeros(len(wind), dtype=bool)
@@ -189,13 +189,13 @@ def _gusts(record: Record) -> np.ndarray:
 
 
 def _for_a_while(time_s: np.ndarray, broken: np.ndarray) -> np.ndarray:
-    """Also for `AFTERMATH_S` afterwards."""
+    """The broken steps, each prolonged by `AFTERMATH_S`."""
     last_s = np.maximum.accumulate(np.where(broken, time_s, -math.inf))
     return time_s - last_s <= AFTERMATH_S
 
 
 def _controlled(record: Record) -> np.ndarray:
-    """At which steps the companion's setpoints fly it, or have until just now."""
+    """Steps at which the companion's setpoints command the aircraft, or did until just before."""
     found = np.zeros(len(record.time_s), dtype=bool)
     sent_s = np.array([item.time_s for item in record.sent])
     let_go_s = -math.inf
@@ -224,7 +224,7 @@ def _on_the_truth(record, outside, controlled):
     points = record.true_m[:, [0, 2]]
     for rule, keep_out in (("collision", False), ("keep_out", True)):
         room = room_m(record.draw.site, points, record.vehicle.radius_m, keep_out=keep_out)
-        # Entered under control: an aircraft that is inside when control begins is not led there.
+        # Only an entry under control counts: the aircraft may be inside when control begins.
         inside = (room < 0.0) & record.airborne
         entered = inside & controlled & ~np.roll(inside, 1)
         for index in np.flatnonzero(entered):
@@ -270,7 +270,7 @@ class _Stream:
         return math.hypot(*beyond)
 
     def _jumped_m(self, time_s: float) -> float:
-        """By how much the estimate has jumped just now."""
+        """Size of a jump of the estimate just before a time."""
         record = self._record
         steps = (record.time_s > time_s - JUMP_WITHIN_S) & (record.time_s <= time_s + 1e-9)
         part = record.error_m[steps]
@@ -295,13 +295,13 @@ class _Stream:
             before = item
 
     def _is_other_stream(self, before: Sent, item: Sent) -> bool:
-        """After a pause, or after a state in which nothing is streamed."""
+        """True after a pause, or after a state without a stream."""
         steps = np.searchsorted(self._record.time_s, [before.time_s - 1e-6, item.time_s - 1e-6])
         ended = self._silent_steps[steps[1]] > self._silent_steps[steps[0]]
         return bool(ended or item.time_s - before.time_s > STREAK_S)
 
     def _goes_on(self, index: int) -> bool:
-        """True if a stream begins where the one before it may have come to since."""
+        """True if a stream begins at a place that the previous one may have reached."""
         if not index:
             return False
         before, item = self._sent[index - 1], self._sent[index]
@@ -309,7 +309,7 @@ class _Stream:
         return moved_m <= self._most_mps * (item.time_s - before.time_s)
 
     def speeds_mps(self) -> list[float]:
-        """Speed of every setpoint that neither a jump nor its aircraft has moved."""
+        """Speed of every setpoint that neither a jump nor the aircraft's drift has moved."""
         return [
             speed
             for _, before, item, taken in self._pairs()
@@ -344,7 +344,7 @@ class _Stream:
                 )
 
     def _found(self):
-        """(index, rule, value) of every setpoint that breaks one."""
+        """(index, rule, value) of every setpoint that breaks a rule."""
         on_leg, leg_s = False, -math.inf
         for index, before, item, taken in self._pairs():
             near = math.dist(item.reported_m, item.aircraft_m) <= BEGINS_WITHIN_M
@@ -399,7 +399,9 @@ def _silence(record: Record):
         took_s = float(record.time_s[index])
         if not np.any((sent_s > took_s - STREAK_S) & (sent_s <= took_s)):
             continue
-        reported_s = min((at_s for at_s in record.taken_told_s if at_s >= took_s), default=math.inf)
+        reported_s = min(
+            (at_s for at_s in record.taken_reported_s if at_s >= took_s), default=math.inf
+        )
         until_s = max(took_s + SILENCE_S, min(reported_s + TOLD_S, took_s + MODE_AGE_S))
         next_s = orders_s[orders_s > took_s - 0.5]
         ordered_s = float(next_s.min()) if len(next_s) else math.inf

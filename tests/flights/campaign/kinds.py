@@ -1,6 +1,6 @@
-"""The kinds of faults, as one table: name, what it does, how long it lasts, what it breaks.
+"""The kinds of faults, as one table: name, effect, duration, broken part of the promise.
 
-A kind begins on a flight with numbers of its own, and returns what ends it, if anything does.
+A kind begins on a flight with its own random numbers, and returns a function that ends it, or None.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Undo = Callable[[], None]
 
 
 class Breaks(enum.Flag):
-    """Parts of the promise that do not hold from its beginning on, beyond what can be measured."""
+    """Parts of the promise that a fault breaks from its begin on, without being measurable."""
 
     NOTHING = 0
     AIRCRAFT = enum.auto()
@@ -33,7 +33,7 @@ class Breaks(enum.Flag):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """One row of the table. begin: the flight, random numbers -> what ends it, or None."""
+    """One row of the table. begin: (flight, random numbers) -> function that ends it, or None."""
 
     name: str
     what: str
@@ -53,7 +53,7 @@ def kind(
     breaks: Breaks = Breaks.NOTHING,
     manners: frozenset[Manner] = frozenset(Manner),
 ):
-    """Enter a function into the table, under its own name."""
+    """Add a function to the table, under its own name."""
 
     def enter(begin):
         KINDS[begin.__name__] = Kind(
@@ -70,7 +70,7 @@ def kind(
 
 
 def _conditions(flight, **values) -> Undo:
-    """Set conditions of the world, and give back what they were."""
+    """Set conditions of the world; returns the function that restores them."""
     conditions = flight.autopilot.conditions
     before = {name: getattr(conditions, name) for name in values}
     flight.note(**values)
@@ -84,7 +84,7 @@ def _conditions(flight, **values) -> Undo:
 
 
 def _parameters(flight, **values) -> Undo:
-    """Set parameters by the ground station, and give back what they were."""
+    """Set parameters by the ground station; returns the function that restores them."""
     before = {name: flight.autopilot.parameter(name) for name in values}
     flight.note(**values)
 
@@ -348,7 +348,7 @@ def radio_fades(flight, rng):
     return _conditions(flight, radio_rssi=45.0 + rng.uniform(10.0, 80.0))
 
 
-# Forged and late words --------------------------------------------------------------------------
+# Forged and late packets ------------------------------------------------------------------------
 
 
 @kind("positions of 2 to 20 s before are heard again", breaks=Breaks.WORDS)
@@ -415,7 +415,7 @@ def hostile_commands(flight, rng):
     return flight.filter(packets.insert(make, 0.3))
 
 
-# People -----------------------------------------------------------------------------------------
+# Pilot and operator -----------------------------------------------------------------------------
 
 
 @kind("no ground station is heard", lasts_s=(3.0, 30.0))

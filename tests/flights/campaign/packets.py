@@ -1,7 +1,7 @@
-"""Packets on the companion's link, changed on their way.
+"""Changes of packets on the companion's link.
 
-An item is (when the autopilot sent it, bytes). A filter takes the items of a step and returns those
-that arrive.
+An item is (time at which the autopilot sent it, bytes). A filter takes the items of a step and
+returns those that arrive.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _codec = mavlink.MAVLink(None)
 
 
 def number(packet: bytes) -> int:
-    """Its message id."""
+    """Message id of a packet."""
     return packet_header(packet)[0]
 
 
@@ -37,7 +37,7 @@ def decoded(packet: bytes):
 
 
 def packed(message, *, system: int = 1, component: int = 1, seq: int = 0) -> bytes:
-    """A packet as if from these ids."""
+    """A packet with these sender ids."""
     packer = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
     packer.seq = seq
     return bytes(message.pack(packer))
@@ -92,7 +92,7 @@ def corrupt(chance: Callable[[], bool], bit: Callable[[int], int]) -> Filter:
 
 
 def hold_back(until_s: float) -> Filter:
-    """Everything waits, and arrives at once at a time."""
+    """All packets wait and arrive together at `until_s`."""
     waiting: list[Item] = []
 
     def held(now_s: float, items: list[Item]) -> list[Item]:
@@ -107,21 +107,21 @@ def hold_back(until_s: float) -> Filter:
 
 
 def replay(late_s: float, ids: set[int]) -> Filter:
-    """Messages of these ids are heard again, so much later, between the present ones."""
+    """Messages of these ids are received again `late_s` later, between the present ones."""
     past: deque[tuple[float, Item]] = deque()
 
-    def heard_again(now_s: float, items: list[Item]) -> list[Item]:
+    def received_again(now_s: float, items: list[Item]) -> list[Item]:
         past.extend((now_s + late_s, item) for item in items if number(item[1]) in ids)
         again = []
         while past and past[0][0] <= now_s:
             again.append(past.popleft()[1])
         return items + again
 
-    return heard_again
+    return received_again
 
 
 def insert(make: Callable[[float], list[bytes]], period_s: float) -> Filter:
-    """Packets of somebody else's, so often."""
+    """Packets of another sender, one set per `period_s`."""
     due = [0.0]
 
     def inserted(now_s: float, items: list[Item]) -> list[Item]:

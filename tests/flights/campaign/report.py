@@ -30,11 +30,11 @@ def _verdicts(rows: list[dict]) -> str:
     counts = {}
     for row in rows:
         counts[row["verdict"]] = counts.get(row["verdict"], 0) + 1
-    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     flown_s = sum(row.get("controlled_s", 0.0) for row in rows)
     within_s = sum(row.get("within_s", 0.0) for row in rows)
     return (
-        f"{len(rows)} flights: {told}. Under control {flown_s / 60:.0f} min, of which"
+        f"{len(rows)} flights: {verdicts}. Under control {flown_s / 60:.0f} min, of which"
         f" {within_s / 60:.0f} min within the promise."
     )
 

@@ -1,4 +1,4 @@
-"""The command: flies seeds, writes a row each, and says which touched something.
+"""The command: flies seeds, writes a row for each, and prints the collisions.
 
     python -m tests.flights.perceive --seeds A:B [--workers N] [--out DIR]
 
@@ -57,18 +57,18 @@ def summary(rows: list[dict], seconds: list[float]) -> str:
     clear_m = [row["least_clearance_m"] for row in flown]
     collisions = sum(row["verdict"] == "collision" for row in rows)
     reached = sum(row["reached"] for row in flown)
-    told = (
+    summary_line = (
         f"{len(rows)} flights: {collisions} collisions, {len(rows) - len(flown)} errors;"
         f" {reached} reached the target. Processor time {np.mean(seconds):.1f} s a flight."
     )
-    lines = ["# Flights by sight", "", told, ""]
+    lines = ["# Flights by sight", "", summary_line, ""]
     if flown:
         least = min(flown, key=lambda row: row["least_clearance_m"])
-        told = (
+        summary_line = (
             f"Least clearance of a hull: {least['least_clearance_m']} m (seed {least['seed']}); of"
             f" all median {np.median(clear_m):.2f} m, 5 % {np.percentile(clear_m, 5):.2f} m."
         )
-        lines += [told, "", *_sights(flown)]
+        lines += [summary_line, "", *_sights(flown)]
     lines += [f"- seed {row['seed']}: {row['error']}" for row in rows if row["verdict"] == "error"]
     lines += [
         f"- seed {row['seed']} ({row['manner']}, added {row['added']}): {row['verdict']},"
@@ -99,7 +99,7 @@ def _sights(flown: list[dict]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status 0 when nothing was touched, 1 after a collision or an error."""
+    """Exit status 0 without a collision, 1 after a collision or an error."""
     parser = argparse.ArgumentParser(prog="python -m tests.flights.perceive", description=__doc__)
     parser.add_argument("--seeds", type=seeds_of, required=True, metavar="A:B")
     parser.add_argument("--workers", type=int, default=1, metavar="N")

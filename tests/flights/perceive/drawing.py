@@ -1,4 +1,4 @@
-"""Flight of a seed: the line, what stands around, the target, autopilot, wind, position noise."""
+"""Flight of a seed: line, surroundings, target, autopilot, wind, position noise."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ROUGH_M = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draw:
-    """One flight, whole. site: as the companion has it. true_target_m: not rounded."""
+    """All inputs of one flight. site: the companion's. true_target_m: not rounded."""
 
     seed: int
     site: Site
@@ -147,7 +147,7 @@ def _trees(rng: random.Random) -> tuple[Tree, ...]:
 def _target(
     rng: random.Random, manner: Manner, wires: tuple[Wire, ...], trees: tuple[Tree, ...]
 ) -> PlanePoint:
-    """A place at a standoff from a wire, as far from all others; the start where there is none."""
+    """A place at a standoff from a wire, as far from all others; the start if there is none."""
     scene = LidarScene(wires=wires, trees=trees)
     for _ in range(300):
         middle = rng.choice(wires).ends()[12]
@@ -164,7 +164,7 @@ def _target(
 def _added(
     rng: random.Random, added: str, target_m: PlanePoint, turned: float
 ) -> tuple[tuple[Wire, ...], tuple[Box, ...]]:
-    """Near the straight way from the start to the target, with a free take-off below."""
+    """An obstacle near the straight path from the start to the target; the take-off stays free."""
     share = rng.uniform(0.45, 0.7)
     x_m = START_M[0] + share * (target_m[0] - START_M[0]) + rng.uniform(-1.0, 1.0)
     z_m = START_M[1] + share * (target_m[1] - START_M[1]) + rng.uniform(-1.0, 1.0)

@@ -1,4 +1,4 @@
-"""One flight by sight, from a seed to what came of it."""
+"""One flight by sight, from a seed to its result."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ LONGEST_S = 75.0
 """From the order on."""
 AT_TARGET_S = 2.0
 REFUSED_S = 6.0
-"""Time for which it may be idle after the order, or hold, before the flight is over."""
+"""Longest time in `idle` after the order, or in a hold, before the flight is over."""
 OFFERED_S = 1.5
 """PX4 takes the mode once a stream has run for a second."""
 
 
 _STOPS = (", holding", ", denied", ", slowing", ", released", ", overridden")
-"""Ends of the texts that tell why a flight stands."""
+"""Ends of the texts that have the reason of a hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +45,7 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """What came of a flight. why: it did not reach its target; empty when it did."""
+    """Result of a flight. why: reason why the target was not reached; empty if it was."""
 
     draw: Draw
     radius_m: float
@@ -58,13 +58,13 @@ class Flight:
 
     @property
     def least_clearance_m(self) -> float:
-        """Between the hull and the nearest obstacle, while it is in the air."""
+        """Least distance from the hull to the nearest obstacle in the air."""
         places_m = self.true_m[self.airborne]
         return float(clearance_m(self.draw.scene.scene, places_m).min()) - self.radius_m
 
 
 class _Flight(Lockstep):
-    """The lidar costs most of the time: it is on once the motors are."""
+    """A flight whose lidar, which takes most of the time, is on only with armed motors."""
 
     def step(self) -> None:
         self.blind = not self.truth.armed
@@ -104,7 +104,7 @@ def fly(seed: int) -> Flight:
 
 
 def _flown(flight: Lockstep) -> str:
-    """Orders and flies; why it did not arrive."""
+    """Orders and flies; returns the reason why the target was not reached, or an empty text."""
     operator, end_s = flight.operator, flight.now_s + LONGEST_S
     operator.mission(INSPECTION, 0)
     waited_s = offered_s = 0.0
@@ -119,8 +119,8 @@ def _flown(flight: Lockstep) -> str:
             offered_s = 0.0
         waited_s = 0.0 if flight.state in {"planning", "ready", "flying"} else waited_s + STEP_S
     state = "on its way" if flight.state == "flying" else flight.state
-    said = [text for text in operator.texts() if text.endswith(_STOPS)]
-    return f"{state}: {said[-1] if said else 'nothing was said of it'}"
+    reasons = [text for text in operator.texts() if text.endswith(_STOPS)]
+    return f"{state}: {reasons[-1] if reasons else 'nothing was said of it'}"
 
 
 def _true_m(drawn: Draw, truths: list[Truth]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Distances from true places to what stands in a scene: by NumPy, independent of the planner."""
+"""Distances from true places to the objects of a scene: by NumPy, independent of the planner."""
 
 from __future__ import annotations
 
