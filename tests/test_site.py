@@ -250,6 +250,7 @@ def test_exactly_as_many_cells_as_allowed(tmp_path: Path) -> None:
          .replace("1200000", "1e6"), tmp_path)  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(
     width_m=st.floats(1e-6, 2e6),

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 
+import pytest
+
 _THOROUGH = bool(os.environ.get("MOAR_THOROUGH"))
+thorough = pytest.mark.skipif(not _THOROUGH, reason="MOAR_THOROUGH=1 runs it")
 
 
 def sampled(some, everything):

@@ -259,6 +259,7 @@ def ground_station(desk, *systems, seconds):
             desk.handle(Peer(system, 190).ground_heartbeat()).run(1.0 / len(systems))
 
 
+@pytest.mark.slow
 def test_a_ground_station_that_connects_later_receives_the_earlier_reports():
     desk = Desk(supervision=Supervision(ground_link_action=LinkLoss.CONTINUE))
     desk.set(mute={"BATTERY_STATUS"}).come_to("flying", then_s=8.0)

@@ -104,6 +104,7 @@ def test_an_exit_that_is_held_on_its_landing_leg_resumes_along_the_leg(plan_dela
     assert (desk.state, moving(desk, 1.0)) == ("landing_leg", True)
 
 
+@pytest.mark.slow
 def test_an_exit_without_room_is_replaced_by_an_evacuation():
     desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT, then_s=3.0)
     desk.set(**RESERVE).run(4.5)
@@ -123,6 +124,7 @@ def test_a_landing_point_without_room_is_replaced_by_another_one():
     assert moving(desk, 1.0)
 
 
+@pytest.mark.slow
 def test_an_ordered_exit_holds_until_there_is_room_for_it():
     desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT, then_s=3.0)
     desk.set(accuracy_m=1.7).run(15.0)
@@ -131,6 +133,7 @@ def test_an_ordered_exit_holds_until_there_is_room_for_it():
     assert flown(desk) is Mission.EXIT
 
 
+@pytest.mark.slow
 def test_a_failed_planner_does_not_stop_an_exit():
     desk = Desk(height_m=5.0, east_m=-12.0).set(accuracy_m=0.3).come_to("flying", EXIT)
     desk.plan_delay_s = None

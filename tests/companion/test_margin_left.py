@@ -138,6 +138,7 @@ def at_the_window(gap_m, **options):
     return Desk(planner=planner(gap_m), height_m=5.0, supervision=Supervision(), **options)
 
 
+@pytest.mark.slow
 def test_the_remaining_clearance_is_reported_and_the_gate_accepts_the_flight():
     desk = at_the_window(4.2).come_to("landing_leg", EXIT)
     assert any(text.startswith("MOAR: 1.7 m to ") for text in desk.texts()), desk.texts()

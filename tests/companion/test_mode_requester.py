@@ -196,6 +196,7 @@ def test_a_mode_that_is_refused_repeatedly_is_reported_once():
     assert len([text for text in desk.texts() if "refused" in text]) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
 @pytest.mark.parametrize("hold", ["in the instant of the arrival", "before the next heartbeat"])
 def test_after_an_ordered_hold_no_landing_is_requested(autopilot, hold):
@@ -264,6 +265,7 @@ def test_a_landing_that_the_companion_requested_is_no_takeover():
     assert desk.said("MOAR: autopilot in LAND")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("after_s", [4.0, 60.0])
 def test_a_landing_after_a_lost_request_and_a_hold_is_a_takeover(after_s):
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0).order(HOLD)

@@ -17,6 +17,7 @@ def moved_m(setpoints):
     return max(math.dist(*pair) for pair in itertools.pairwise(places))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", ["ready", "flying", "holding"])
 def test_a_position_whose_clock_stands_still_is_stale(state):
     desk = Desk().come_to(state)

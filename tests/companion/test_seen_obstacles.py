@@ -412,6 +412,7 @@ LONG_S = 12.0
 """Time in which the aircraft would have passed the obstacle on its leg."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_m", [2.0, 5.0])
 def test_a_landing_leg_is_not_flown_through_an_obstacle_seen_on_it(on_leg, by_m):
     desk = copied(on_leg)
@@ -420,6 +421,7 @@ def test_a_landing_leg_is_not_flown_through_an_obstacle_seen_on_it(on_leg, by_m)
     assert nearest_m(desk, (x_m, z_m), LONG_S) > desk.vehicle.radius_m + 0.3
 
 
+@pytest.mark.slow
 def test_a_held_landing_leg_is_not_resumed_through_an_obstacle_seen_meanwhile(on_leg):
     desk = copied(on_leg)
     x_m, z_m = ahead(desk, 4.0)

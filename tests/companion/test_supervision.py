@@ -61,6 +61,7 @@ def test_the_heartbeat_is_active_while_the_companion_streams_and_standby_otherwi
     assert desk.messages("HEARTBEAT")[-1].system_status == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", ["ready", "flying", "at_target", "holding"])
 @pytest.mark.parametrize(
     ("case", "mute", "limit_s", "words"),
@@ -343,6 +344,7 @@ def test_a_held_mission_is_not_resumed_after_a_takeover():
     assert not desk.setpoints(took)
 
 
+@pytest.mark.slow
 def test_a_completed_mission_is_not_resumed_after_a_takeover():
     desk = Desk(resume=True).come_to("holding")
     desk.say_heartbeat(POSCTL).run(2.0).say_heartbeat(OFFBOARD).run(5.0)

@@ -95,6 +95,7 @@ def quick_planner():
     return Planner(usual.site, replace(usual.vehicle, speed=replace(speed, **quick)))
 
 
+@pytest.mark.slow
 def test_the_mission_with_its_escape_route_becomes_shorter_in_flight():
     desk = desk_with_contingencies(planner=quick_planner()).come_to("flying", then_s=2.0)
     left = []
@@ -115,6 +116,7 @@ def test_the_mission_with_its_escape_route_becomes_shorter_in_flight():
     assert outlook(desk).finish.duration_s == pytest.approx(landing, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_companion_starts_an_exit_at_the_point_of_no_return():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=4.0)

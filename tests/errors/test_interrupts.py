@@ -91,7 +91,7 @@ COMPANION, SIMULATOR, FLY = (
     "sitl.demonstration.__main__",
 )
 DONE, ENDED = 0, 1
-LONG = sampled((0.1, 0.8), (0.0, 0.1, 0.4, 0.8, 1.1, 1.7))
+LONG = sampled((0.4,), (0.0, 0.1, 0.4, 0.8, 1.1, 1.7))
 PROGRAMS = {
     # title: module, arguments, moments of tests/run, signals
     "plan": (COMPANION, plan, (0.0, 0.6), [signal.SIGINT]),

@@ -61,6 +61,7 @@ def test_a_full_device_as_output_of_replay_is_one_line(option, recording, capsys
     assert err == f"moar-companion: {option}: /dev/full: No space left on device\n"
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_in_the_middle_leaves_no_half_file(tmp_path):
     files = {option: tmp_path / f"out.{option[2:]}" for option in ("--json", "--maps", "--plot")}
     files["--plot"] = tmp_path / "out.png"
@@ -76,6 +77,7 @@ def test_a_disk_that_is_full_in_the_middle_leaves_no_half_file(tmp_path):
     assert files["--maps"].read_bytes() == b"old"
 
 
+@pytest.mark.slow
 def test_a_full_stdout_is_one_line_and_a_closed_stdout_is_silent(recording):
     commands = {
         "check": ["check", "--files"],

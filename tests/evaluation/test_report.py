@@ -57,6 +57,7 @@ def test_numbers_are_printed_with_three_digits_and_missing_ones_as_a_dash(value,
     assert text(value) == shown
 
 
+@pytest.mark.slow
 def test_a_figure_is_a_png_and_an_svg_and_the_same_each_time(results):
     function, arguments = experiments.drawings("flight", results)[0]
     picture, again = function(*arguments), function(*arguments)

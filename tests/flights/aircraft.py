@@ -28,15 +28,18 @@ class Aircraft:
         self.operator = Operator(self.autopilot, Manner(options.autopilot))
         if secret is not None:
             self.operator.sign(secret)
-        if self.operator.manner is Manner.PX4:
-            self._stop_unread_streams()
+        self.set_unread_streams(-1)
         self.now_s = 0.0
 
-    def _stop_unread_streams(self) -> None:
-        """Of PX4's 400 messages a second to a ground station, this operator reads three."""
-        schedule = self.autopilot.manner._schedule("gcs")
-        for message_id in IDS.keys() - READ:
-            schedule.set(message_id, -1, 0)
+    def set_unread_streams(self, interval_us: int) -> None:
+        """Of PX4's 400 messages a second to a ground station, the operator here reads three.
+
+        interval_us: of all others; -1: off, 0: PX4's own.
+        """
+        if self.operator.manner is Manner.PX4:
+            schedule = self.autopilot.manner._schedule("gcs")
+            for message_id in IDS.keys() - READ:
+                schedule.set(message_id, interval_us, self.autopilot.manner._boot_us)
 
     def __deepcopy__(self, memo):
         """Independent copy; constants and past data are shared."""

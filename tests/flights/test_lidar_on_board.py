@@ -31,6 +31,7 @@ def hovering(site):
     return flight
 
 
+@pytest.mark.slow
 def test_seen_obstacles_are_on_the_maps_before_an_order_and_a_silent_lidar_is_detected():
     flight = hovering(SITE)
     assert flight.lidar.reports == []

@@ -6,6 +6,7 @@ import asyncio
 import math
 from itertools import pairwise
 
+import pytest
 from mavsdk.asyncio.plugins.telemetry import FlightMode
 
 from .pilot import pilot
@@ -33,6 +34,7 @@ async def flown(port):
         await mavsdk.land()
 
 
+@pytest.mark.slow
 def test_arm_take_off_offboard_hold_offboard_again_land(tmp_path):
     (port,) = free_ports(1)
     link = f"gcs=udpout:127.0.0.1:{port}"

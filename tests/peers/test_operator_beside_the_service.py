@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 
+import pytest
 from mavsdk.asyncio.plugins.telemetry import FlightMode
 
 from tests.real_time import real_time
@@ -22,6 +23,7 @@ def said(done):
     return done.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_on_the_ground_the_companion_is_received_and_orders_are_refused_with_the_reason(tmp_path):
     with companion_beside_autopilot(tmp_path) as (port, _):
         status = ordered(port, "status", "--timeout", "20")

@@ -166,6 +166,7 @@ def test_the_share_of_returns_is_reported():
     assert inside.health.returns <= 1.0
 
 
+@pytest.mark.slow
 def test_a_covered_sensor_has_no_returns():
     rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
     seen = last(rig, 1.0)

@@ -44,6 +44,7 @@ def differences(calls, key=None):
     return [difference for call in calls for difference in replay.feed(call)], replay
 
 
+@pytest.mark.slow
 def test_planted_differences_are_named_with_both_values_and_there_are_no_others(calls):
     calls = json.loads(json.dumps(calls))
     setpoints = [
@@ -81,6 +82,7 @@ def test_a_missing_input_is_a_difference_between_the_flights(calls):
     assert differences(fewer[:2000])[0]
 
 
+@pytest.mark.slow
 def test_a_flight_with_perception_is_repeated_without_a_difference():
     flight = hovering(SITE)
     flight.run_until(lambda: made(flight), 5.0)

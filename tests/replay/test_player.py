@@ -255,6 +255,7 @@ def test_a_gap_of_minutes_ages_all_values_as_in_flight():
     assert at(replay, 200.0).risk["localization"] >= 0.5
 
 
+@pytest.mark.slow
 def test_a_long_silence_is_judged_by_its_samples_alone_with_the_same_result(monkeypatch):
     looks = []
     monkeypatch.setattr(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from moar_companion.recording.calls import START
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EVACUATION, INSPECTION
@@ -22,6 +24,7 @@ def replayed(flight, companion, *, pieces):
     return sent
 
 
+@pytest.mark.slow
 def test_a_recorded_flight_is_sent_again_byte_for_byte_with_any_split_of_its_bytes():
     flight = Lockstep(vehicle="x500")
     flight.begin(INSPECTION)
@@ -36,6 +39,7 @@ def test_a_recorded_flight_is_sent_again_byte_for_byte_with_any_split_of_its_byt
     assert replayed(flight, flight.new_companion(), pieces=7) == sent
 
 
+@pytest.mark.slow
 def test_the_same_flight_twice_is_the_same_flight():
     def flown():
         flight = Lockstep(vehicle="x500", options={"seed": 7})

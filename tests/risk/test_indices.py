@@ -211,6 +211,7 @@ needs_wh = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     silent=st.sets(st.sampled_from(NAMES), min_size=1),

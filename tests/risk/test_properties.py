@@ -92,6 +92,7 @@ badness = st.floats(0.0, 1.0)
 names = st.sampled_from([*MEASURED, *OTHERS])
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     name=names, first=badness, second=badness, others=st.dictionaries(names, badness, max_size=3)

@@ -108,6 +108,7 @@ def test_the_wind_is_reported_with_drag_fusion_only():
     assert towards_deg == pytest.approx(120.0, abs=15.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("action", "state"), [(1, "released"), (2, "idle")], ids=["land", "return"]
 )

@@ -51,6 +51,7 @@ def states_since(flight, time_s):
     return {state for at_s, state in flight.states if at_s > time_s}
 
 
+@pytest.mark.slow
 def test_a_low_battery_without_an_action_does_not_end_the_escape_route():
     """From the inner position, flown to its end in system status 5."""
     flight = guided(options={"parameters": WARNS}, start_m=(15.0, 0.0))
@@ -68,6 +69,7 @@ def test_a_low_battery_without_an_action_does_not_end_the_escape_route():
     assert_setpoints_keep_to_free_space(flight)
 
 
+@pytest.mark.slow
 def test_a_low_battery_without_an_action_ends_an_inspection_with_an_exit():
     flight = in_flight(options={"parameters": WARNS})
     low_s = flight.now_s
@@ -183,6 +185,7 @@ def lose_sticks(flight):
         flight.autopilot.set_parameter("SIM_RC_FAIL", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("manner", Manner)
 @pytest.mark.parametrize(
     ("lose", "within_s"), [(lose_ground_station, 12.0), (lose_sticks, 3.0)], ids=["gcs", "rc"]

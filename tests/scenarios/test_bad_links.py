@@ -53,6 +53,7 @@ def in_flight(manner, seconds=3.0):
 REORDERED_MS, LATE_MS = (50.0, 150.0), (200.0, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("manner", "delay_ms", "jitter_ms"),
     sampled(
@@ -89,6 +90,7 @@ def test_a_takeover_is_detected_within_a_fifth_of_a_second(manner, later_s):
     assert flight.last_setpoint_s <= took_s + NOTICED_S
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_takeover_is_detected_on_a_link_that_loses_three_packets_in_ten(manner):
     """All but one of 15 takeovers, at different times, end the stream within 0.2 s."""
@@ -125,6 +127,7 @@ def test_missing_mode_reports_end_control_while_other_packets_arrive(manner):
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_missing_armed_state_reports_end_control_while_the_mode_is_reported():
     """PX4 reports the mode by CURRENT_MODE, too; only HEARTBEAT has the armed state."""
     flight = in_flight(Manner.PX4)

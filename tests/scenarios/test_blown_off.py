@@ -84,6 +84,7 @@ def test_the_setpoint_follows_the_aircraft_and_the_pilot_receives_a_text(manner)
     assert flight.state == "holding"
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_after_the_wind_the_aircraft_returns_at_its_own_speed_and_the_mission_resumes(manner):
     flight = blown_off(manner)
@@ -107,6 +108,7 @@ def test_after_the_wind_the_aircraft_returns_at_its_own_speed_and_the_mission_re
     judge(flight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("manner", "mission"),
     sampled([(Manner.ARDUPILOT, EVACUATION)], [(Manner.PX4, EXIT), (Manner.ARDUPILOT, EVACUATION)]),
@@ -138,6 +140,7 @@ def test_an_inspection_is_rejected_because_of_the_wind_while_the_aircraft_drifts
     assert error_m(flight) <= 1.0
 
 
+@pytest.mark.slow
 def test_too_far_outside_an_order_is_refused_with_the_distance():
     flight = blown_off(Manner.ARDUPILOT)
     flight.run(22.0)
@@ -152,6 +155,7 @@ def test_too_far_outside_an_order_is_refused_with_the_distance():
     )
 
 
+@pytest.mark.slow
 def test_blown_off_across_the_plane_the_aircraft_returns_straight_to_it():
     """Wind of 13 m/s across the plane."""
     flight = blown_off(Manner.ARDUPILOT, 340.0)
@@ -164,6 +168,7 @@ def test_blown_off_across_the_plane_the_aircraft_returns_straight_to_it():
     judge(flight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag_per_s", sampled([1.0], [0.1, 1.0]))
 def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
     """The vehicle file has the default drag; with 1.0 /s gusts of 3.9 m/s were reported."""

@@ -123,6 +123,7 @@ def failures(name, *, every_s, site="315kv_double_circuit", wind_mps=0.0, **opti
     return Failures(flight, every_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["PX4 holds after 0.5 s", "ArduPilot holds after 3 s"])
 def test_a_companion_failure_anywhere_on_an_inspection_causes_no_collision(name):
     sweep = failures(name, every_s=2.0, vehicle="x500")

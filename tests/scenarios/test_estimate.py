@@ -46,6 +46,7 @@ def judge_what_was_flown(flight, began_s):
     assert_nothing_was_touched(flight)
 
 
+@pytest.mark.slow
 @PX4_FIRST
 def test_a_position_jump_moves_the_setpoint_and_the_inspection_continues(manner):
     flight, east_m = in_flight(manner), 1.2

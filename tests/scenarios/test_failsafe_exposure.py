@@ -58,6 +58,7 @@ def inspecting(manner, parameters, **options):
     return flight
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("manner", "drain_factor", "percent"),
     sampled(
@@ -105,6 +106,7 @@ def test_where_a_low_battery_only_brakes_the_exit_begins_before_the_low_battery_
     assert not over_a_conductor(flight)
 
 
+@pytest.mark.slow
 def test_where_rc_loss_would_land_on_a_conductor_operators_get_a_text_and_the_exit_is_in_time():
     flight = inspecting(
         Manner.ARDUPILOT,

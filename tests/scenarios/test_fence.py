@@ -87,6 +87,7 @@ def test_a_fence_that_a_switch_has_enabled_is_kept_although_the_parameters_have_
     assert refused(flight, EXIT) == "MOAR: fence FENCE_RADIUS 10 m, denied"
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_target_outside_the_circle_is_denied_and_one_inside_is_flown(manner):
     flight = fenced(manner, CIRCLE[manner](10.0))
@@ -107,6 +108,7 @@ WITHOUT_AND_WITH = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("manner", "parameters", "lowest_m", "highest_m"),
     sampled(WITHOUT_AND_WITH[:2], WITHOUT_AND_WITH),
@@ -164,6 +166,7 @@ def polygon(flight, corners_m, command=POLYGON_INCLUSION):
     return [(command, len(places), p.latitude_deg, p.longitude_deg) for p in places]
 
 
+@pytest.mark.slow
 @BOTH
 def test_uploaded_areas_count_without_a_notification(manner):
     """A polygon first; then a wide one, and a circle around the landing point of the exit."""
@@ -194,6 +197,7 @@ def test_a_fence_without_an_action_is_kept_in_planning():
     assert refused(flight, EXIT) == "MOAR: fence GF_MAX_HOR_DIST 10 m, denied"
 
 
+@pytest.mark.slow
 def test_an_exit_from_outside_the_fence_flies_back_inside():
     """A lower fence is set while the aircraft is above it."""
     flight = fenced(Manner.PX4, {"GF_MAX_HOR_DIST": 100.0, "GF_ACTION": 1})

@@ -42,6 +42,7 @@ def beside_the_wall():
     return flight
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_beside_a_wall_without_a_keep_out_wind_causes_no_collision(manner):
     flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner, start_m=(20.0, 0.0))
@@ -91,6 +92,7 @@ def test_a_target_nearer_to_the_wall_than_the_margin_is_denied(manner, beside_m,
     assert not flight.setpoints
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("east_m", [2.5, -2.5])
 def test_an_estimator_jump_greater_than_the_remaining_margin_holds_the_mission(east_m):
     flight = beside_the_wall()

@@ -256,6 +256,7 @@ def test_after_a_low_take_off_the_flight_begins_with_an_escape_leg():
     judged(flight, escape=True)
 
 
+@pytest.mark.slow
 def test_a_plan_that_takes_seconds_is_joined_without_a_jump():
     flight = hovering(vehicle="x500")
     flight.plan_delay_s = 1.5

@@ -137,7 +137,7 @@ def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, 
 @pytest.mark.parametrize(
     ("manner", "how", "low"),
     sampled(
-        [(PX4, "crash", True), (ARDUPILOT, "takeover", False)],
+        [(PX4, "crash", True)],
         list(itertools.product(Manner, ("takeover", "crash"), (False, True))),
     ),
 )
@@ -150,11 +150,7 @@ def test_outside_on_the_landing_leg_an_inspection_returns_into_the_workspace(man
 @pytest.mark.parametrize(
     ("manner", "low", "how", "mission"),
     sampled(
-        [
-            (PX4, True, "takeover", EVACUATION),
-            (ARDUPILOT, False, "crash", EVACUATION),
-            (ARDUPILOT, True, "crash", EXIT),
-        ],
+        [(ARDUPILOT, False, "crash", EVACUATION), (ARDUPILOT, True, "crash", EXIT)],
         [
             (manner, low, how, mission)
             for manner, low in itertools.product(Manner, (False, True))
@@ -192,6 +188,7 @@ def test_above_the_landing_point_the_next_inspection_is_flown(manner, low):
     assert_setpoints_never_jump(flight)
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_above_the_landing_point_a_second_exit_does_not_move_the_aircraft(manner):
     flight = on_the_leg(manner)

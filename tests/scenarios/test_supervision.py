@@ -44,6 +44,7 @@ def flown(flight):
     return flight.companion.status.task.mission.value
 
 
+@pytest.mark.slow
 @PX4_FIRST
 def test_wind_above_the_limit_holds_the_inspection_which_then_resumes(manner):
     flight = in_flight(manner, supervision=Supervision(wind_limit_mps=7.0))
@@ -60,6 +61,7 @@ def test_wind_above_the_limit_holds_the_inspection_which_then_resumes(manner):
     judge(flight)
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_a_battery_at_its_reserve_makes_the_aircraft_exit_to_above_the_landing_point(manner):
     flight = in_flight(manner)
@@ -70,6 +72,7 @@ def test_a_battery_at_its_reserve_makes_the_aircraft_exit_to_above_the_landing_p
     judge(flight)
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_battery_that_becomes_critical_on_the_exit_begins_an_evacuation(manner):
     """ArduPilot reports a failsafe even without an action."""
@@ -108,6 +111,7 @@ def test_a_receiver_that_loses_its_fix_holds_the_mission_until_the_autopilot_act
     assert_setpoints_never_jump(flight)
 
 
+@pytest.mark.slow
 @PX4_FIRST
 @pytest.mark.parametrize("action", [LinkLoss.HOLD, LinkLoss.EXIT])
 def test_the_loss_of_the_ground_station_has_the_configured_action(manner, action):

@@ -54,6 +54,7 @@ def silent_since(flight, began_s, lag_s=MODE_LAG_S):
     return flight.last_setpoint_s <= began_s + lag_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "manner"), [("position", Manner.PX4), ("hold", Manner.ARDUPILOT)])
 def test_a_pilot_who_takes_over_keeps_control_even_after_giving_the_mode_back(mode, manner):
     flight = in_flight(manner=manner)
@@ -212,6 +213,7 @@ GUSTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("site", "from_deg"),
     sampled(GUSTS[:1], GUSTS),
@@ -230,6 +232,7 @@ def test_a_gust_delays_the_aircraft_and_does_not_end_the_mission(site, from_deg)
     assert_setpoints_keep_to_free_space(flight)
 
 
+@pytest.mark.slow
 def test_while_a_gust_blows_the_aircraft_out_of_the_plane_the_setpoint_waits_in_the_plane():
     flight = under_way()
     flight.run_in_wind(16.0, 0.0, 8.0)
@@ -240,6 +243,7 @@ def test_while_a_gust_blows_the_aircraft_out_of_the_plane_the_setpoint_waits_in_
     assert_setpoints_keep_to_free_space(flight)
 
 
+@pytest.mark.slow
 def test_a_gust_into_a_keep_out_moves_no_setpoint_into_the_keep_out():
     flight = under_way()
     flight.run_in_wind(16.0, 90.0, 8.0)  # from the outer side towards the conductors
@@ -249,6 +253,7 @@ def test_a_gust_into_a_keep_out_moves_no_setpoint_into_the_keep_out():
     assert_setpoints_keep_to_free_space(flight)
 
 
+@pytest.mark.slow
 def test_blown_off_where_there_is_room_the_mission_is_planned_again_from_the_new_place():
     flight = under_way()
     flight.run_in_wind(16.0, 270.0, 8.0)  # away from the conductors

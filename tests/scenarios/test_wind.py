@@ -22,6 +22,7 @@ def short_manoeuvre(flight):
     flight.run(6.0)
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_in_calm_air_no_manoeuvre_is_reported_as_wind(manner):
     flight = in_the_air(manner)

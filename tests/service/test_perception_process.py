@@ -118,6 +118,7 @@ def test_packets_and_poses_become_conductors_in_another_process(settings, percep
         assert clock_s() - report.health.scan_s < 5.0
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_started_again(settings, perception):
     with Aircraft(perception, settings.port):
         first(perception, lambda report: report.health.scan_s is not None)

@@ -78,6 +78,7 @@ def test_trees_and_a_house_stand_beyond_the_landing_points():
     assert house.upper_m[0] <= min(xs) - 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("manner", list(Manner))
 @pytest.mark.parametrize("path", SITES, ids=lambda path: path.stem)
 def test_added_obstacles_block_the_straight_path_and_are_not_visible_from_the_start(path, manner):

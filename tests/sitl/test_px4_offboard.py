@@ -84,6 +84,7 @@ def test_velocity_is_feed_forward_without_a_speed_limit(airborne):
     assert fastest_mps > 8.0
 
 
+@pytest.mark.slow
 def test_a_moving_point_is_followed_within_half_a_metre(airborne):
     """PX4 itself: 0.46 m on average, 0.98 m at most, the noise of its receiver included."""
     errors = fly_square(airborne, 20)

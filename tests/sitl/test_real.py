@@ -142,6 +142,7 @@ def test_a_condition_that_a_simulator_cannot_play_is_named():
     assert weather_of("ardupilot", changes).left_out == ("satellites",)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -32,6 +32,7 @@ def found(before, after, renamed=None):
     return {name: text for name, text in differences.items() if text}
 
 
+@pytest.mark.slow
 def test_a_flight_that_is_flown_twice_has_the_same_trace(flight):
     again = hovering.__wrapped__(vehicle="x500")
     again.begin(INSPECTION)
