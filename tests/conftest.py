@@ -7,6 +7,8 @@ them: not their long flights, and in most folders only the first case of a test.
 from __future__ import annotations
 
 import gc
+import importlib
+import pkgutil
 import sys
 
 import pytest
@@ -69,6 +71,14 @@ _UNCOUNTED = {
 _counted = set()
 
 
+def _import_counted_modules():
+    """A module's own lines run once, which may be within a test that is not counted."""
+    for folder in sorted(_EVERY_CASE | _FIRST_CASES):
+        package = importlib.import_module(f"moar_companion.{folder}")
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            importlib.import_module(module.name)
+
+
 def _is_counted(item):
     folder, file = item.path.parts[-2:]
     if f"{folder}/{file}" in _UNCOUNTED or item.get_closest_marker("slow"):
@@ -80,6 +90,8 @@ def _is_counted(item):
 
 def pytest_collection_finish(session):
     """Modules and tests stay until the end: the collector need not look at them again and again."""
+    if sys.gettrace() is not None:
+        _import_counted_modules()
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
