@@ -150,7 +150,7 @@ RULES = (
                 6: _LINK_LOSS[6],
             }
         ),
-        meaning="what ArduPilot does when the wind alone tells it where it is, with GPS lost",
+        meaning="action with GPS lost, when the position is estimated from the wind alone",
         remedy="set 1 (land)",
     ),
     Rule(

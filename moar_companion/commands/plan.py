@@ -102,7 +102,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--as-flown",
         action="store_true",
         help="keep the margin, too, that the service keeps from obstacles where no other is "
-        "configured (`check` tells it)",
+        "configured (`check` reports it)",
     )
     parser.add_argument(
         "--explain",

@@ -206,7 +206,7 @@ def _draw_plane(
         times, places = zip(*story.moves, strict=True)
         axes.scatter(
             *np.array(places).T, c=times, cmap=_COLOURS, norm=norm, s=14.0, zorder=5,
-            label="flown, as given",
+            label="flown, as estimated",
         )  # fmt: skip
     for target in given.targets:
         axes.plot(*target.position_m, "*", ms=13, color=_GIVEN, mec="white", zorder=7)

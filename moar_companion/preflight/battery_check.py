@@ -78,7 +78,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
         return Finding(
             level=Level.NO_GO,
             subject=subject,
-            text=f"{text}: it tells the voltages of {reported} cells, and the vehicle file says "
+            text=f"{text}: it reports the voltages of {reported} cells, and the vehicle file says "
             f"{cells}",
             remedy="correct risk.cells there: with the wrong number an empty battery looks full, "
             "or a full one empty",
