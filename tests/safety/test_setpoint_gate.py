@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import itertools
 import math
 
@@ -10,6 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from moar_companion.safety import setpoint_gate
+from moar_companion.safety.condition_texts import TEXTS
 from moar_companion.safety.setpoint_gate import distance_m, distances_m, motion_refusal, refusal
 
 FREE, OCCUPIED = (0, 0), (0, 1)
@@ -219,3 +223,23 @@ def test_distances_of_many_points_equal_single_distances(points, corridor):
         parts = np.linspace(0.0, 1.0, 11)[:, None, None]
         samples = line[:-1] + parts * np.diff(line, axis=0)
         assert distance <= np.sqrt(((samples - point) ** 2).sum(axis=2)).min() + 1e-6
+
+
+def test_every_reason_of_the_gate_is_in_the_table_of_texts():
+    """The first words of each returned text; fields and units follow."""
+    returns = [
+        node.value
+        for node in ast.walk(ast.parse(inspect.getsource(setpoint_gate)))
+        if isinstance(node, ast.Return) and node.value is not None
+    ]
+    words = {
+        item.value
+        for value in returns
+        for item in ast.walk(value)
+        if isinstance(item, ast.Constant) and str(item.value).startswith(("setpoint", "NED"))
+    }
+    assert len(words) == 9
+    for beginning in words:
+        assert any(
+            text.startswith(beginning.partition(" (")[0]) for text in TEXTS["setpoint_held"]
+        ), beginning
