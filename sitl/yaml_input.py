@@ -58,8 +58,8 @@ def _first(error: ValidationError, model: type[BaseModel]) -> str:
     if detail["type"] == "extra_forbidden":
         fields = _model_at(model, detail["loc"][:-1]).model_fields
         return f"{key}: unknown key; allowed: {', '.join(fields)}"
-    event = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-    message = _MESSAGES.get(detail["type"], event)
+    words = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    message = _MESSAGES.get(detail["type"], words)
     value = detail["input"]
     if isinstance(value, dict | list) or value is None:
         return f"{key or 'file'}: {message}"

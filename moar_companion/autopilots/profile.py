@@ -180,18 +180,18 @@ class Profile:
 
         A parameter that was never reported has the autopilot's default, and is in `unreported`.
         """
-        reported = _values(self.loss_defaults, parameters)
-        return None if reported is None or self.read_loss is None else self.read_loss(*reported)
+        known = _values(self.loss_defaults, parameters)
+        return None if known is None or self.read_loss is None else self.read_loss(*known)
 
     def failsafes(self, parameters: Parameters) -> Failsafes | None:
         """Failsafe actions; None while a parameter is awaited, or if unknown.
 
         A parameter that was never reported has the autopilot's default, and is in `unreported`.
         """
-        reported = _values(self.failsafe_defaults, parameters)
-        if reported is None or self.read_failsafes is None:
+        known = _values(self.failsafe_defaults, parameters)
+        if known is None or self.read_failsafes is None:
             return None
-        values, unreported = reported
+        values, unreported = known
         return Failsafes(actions=tuple(self.read_failsafes(values)), unreported=unreported)
 
     def fence(

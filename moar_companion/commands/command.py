@@ -158,10 +158,10 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
     if result == CommandResult.ACCEPTED:
         return 0
     verdict = f", {name.lower().rpartition('_')[2]}"
-    for event in operator.listen(_REASON_S):
-        if event.text is not None:
-            _print_line(event.text)
-            if event.text.endswith(verdict):
+    for message in operator.listen(_REASON_S):
+        if message.text is not None:
+            _print_line(message.text)
+            if message.text.endswith(verdict):
                 break
     else:
         _print_line("(no reason was received)")
@@ -179,12 +179,12 @@ def _answer(operator: GroundStation, order: str, index: int, timeout_s: float) -
     while time.monotonic() < until_s:
         operator.send_command(command, param1, index, confirmation=confirmation)
         confirmation = min(confirmation + 1, 255)
-        for event in operator.listen(_REPEAT_S):
-            if event.text is not None:
-                _print_line(event.text)
-            if not operator.is_answer(event, command):
+        for message in operator.listen(_REPEAT_S):
+            if message.text is not None:
+                _print_line(message.text)
+            if not operator.is_answer(message, command):
                 continue
-            result: int = event.fields["result"]
+            result: int = message.fields["result"]
             if result != CommandResult.IN_PROGRESS:
                 return result
             until_s = time.monotonic() + timeout_s
@@ -202,13 +202,13 @@ def _status(operator: GroundStation) -> str:
     beats: dict[int, Mapping[str, Any]] = {}
     values: dict[str, float | None] = {}
     texts: dict[str, None] = {}
-    for event in operator.listen(_LISTEN_S):
-        if event.name == "HEARTBEAT":
-            beats[event.component] = event.fields
-        elif event.component == COMPANION and event.name == "NAMED_VALUE_FLOAT":
-            values[event.fields["name"]] = event.fields["value"]
-        elif event.text is not None:
-            texts[event.text] = None
+    for message in operator.listen(_LISTEN_S):
+        if message.name == "HEARTBEAT":
+            beats[message.component] = message.fields
+        elif message.component == COMPANION and message.name == "NAMED_VALUE_FLOAT":
+            values[message.fields["name"]] = message.fields["value"]
+        elif message.text is not None:
+            texts[message.text] = None
     companion, autopilot = beats.get(COMPANION), beats.get(_AUTOPILOT)
     known = f"system {operator.system_id}, component {COMPANION}"
     lines = (

@@ -30,7 +30,7 @@ _POLL_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReceivedEvent:
+class ReceivedMessage:
     """A message from the companion's system."""
 
     name: str
@@ -86,7 +86,7 @@ class GroundStation:
                     self._direct = self._plugin.MavlinkDirect(system)
                     for name in _HEARD:
                         self._direct.subscribe_message(
-                            name, lambda event, _: self._received.put(event)
+                            name, lambda message, _: self._received.put(message)
                         )
                     return
             if time.monotonic() >= until_s:
@@ -125,7 +125,7 @@ class GroundStation:
         except self._plugin.MavlinkDirectError as error:
             raise self._failed(error.result.name) from error
 
-    def listen(self, seconds: float) -> Iterator[ReceivedEvent]:
+    def listen(self, seconds: float) -> Iterator[ReceivedMessage]:
         """Messages received from the companion's system within a time."""
         until_s = time.monotonic() + seconds
         while (left_s := until_s - time.monotonic()) > 0.0:
@@ -137,18 +137,18 @@ class GroundStation:
             name, component = message.message_name, message.component_id
             if component == COMPANION and name == "STATUSTEXT":
                 for text in self._texts.handle(SimpleNamespace(**fields)):
-                    yield ReceivedEvent(
+                    yield ReceivedMessage(
                         name=name, component=component, fields=fields, text=text.text
                     )
             else:
-                yield ReceivedEvent(name=name, component=component, fields=fields)
+                yield ReceivedMessage(name=name, component=component, fields=fields)
 
-    def is_answer(self, event: ReceivedEvent, command: int) -> bool:
+    def is_answer(self, message: ReceivedMessage, command: int) -> bool:
         """Returns True for the companion's acknowledgement of a command of this ground station."""
-        fields = event.fields
+        fields = message.fields
         return (
-            event.name == "COMMAND_ACK"
-            and event.component == COMPANION
+            message.name == "COMMAND_ACK"
+            and message.component == COMPANION
             and fields["command"] == command
             and (fields["target_system"], fields["target_component"]) == self._ids
         )

@@ -100,7 +100,7 @@ class Companion:
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
         self._risk_due_s = -math.inf
-        self._reported: tuple[object, ...] = ()
+        self._accuracies: tuple[object, ...] = ()
         """Reports of position accuracy in the last cycle."""
         self._report_due_s = -math.inf
 
@@ -313,9 +313,9 @@ class Companion:
 
     def _accuracy_changed(self) -> bool:
         """True if a report of position accuracy is new: it must count for the next setpoint."""
-        seen, before = self.telemetry, self._reported
-        self._reported = seen.gnss, seen.second_gnss, seen.estimator, seen.odometry
-        return self._reported != before
+        now, before = self.telemetry, self._accuracies
+        self._accuracies = now.gnss, now.second_gnss, now.estimator, now.odometry
+        return self._accuracies != before
 
     def _transition(self, now_s: float) -> None:
         """Steps the mission machine: with the planner's answer, the ruling, and orders."""

@@ -342,7 +342,7 @@ class FlightVolume:
             margin_m=self.site.margin.total_m + sudden_m,
             min_altitude_m=self.site.workspace.min_altitude_m,
             corridors_m=tuple(leg.points_m for leg in legs),
-            entry_legs_m=tuple(leg.points_m for leg in legs if leg.begins_beside),
+            legs_from_beside_m=tuple(leg.points_m for leg in legs if leg.begins_beside),
             corridor_width_m=self.corridor_width_m,
             plane_tolerance_m=plane_tolerance_m,
         )

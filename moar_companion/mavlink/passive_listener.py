@@ -74,7 +74,7 @@ class TextReceived:
     """STATUSTEXT of the autopilot or, with `ours`, of the companion."""
 
     ours: bool
-    received: ReceivedText
+    text: ReceivedText
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,9 +177,7 @@ class PassiveListener:
         ours = self._is_ours(message)
         if not ours and not self._listener.is_autopilots(message, _LINK):
             return []
-        return [
-            TextReceived(ours=ours, received=text) for text in self._texts[ours].handle(message)
-        ]
+        return [TextReceived(ours=ours, text=text) for text in self._texts[ours].handle(message)]
 
     def _handle_order(self, message: Message) -> list[ListenerEvent]:
         """Returns an order to the companion; no repeats with a confirmation above 0."""

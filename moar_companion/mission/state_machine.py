@@ -44,7 +44,7 @@ from .values import (
 _CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
 """States whose task may be continued by an operator's order."""
 
-_NOT_IN_CONTROL = {MissionState.OVERRIDDEN, MissionState.RELEASED}
+_CONTROL_ENDED = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
 _CROSSED_S = 0.5
 """Time after an event within which an order counts as sent before its operator received the
@@ -305,7 +305,7 @@ def _sought(
     obstruction = world.ruling.against(task.mission)
     if obstruction is not None:
         return status, () if order_id is None else answer_rejected(status, order_id, obstruction)[1]
-    crossed = status.state in _NOT_IN_CONTROL and now_s - status.since_s < _CROSSED_S
+    crossed = status.state in _CONTROL_ENDED and now_s - status.since_s < _CROSSED_S
     if crossed and order_id is not None:
         return answer_rejected(status, order_id, pilot_texts.JUST_RELEASED())
     known = _known(world, now_s)

@@ -68,8 +68,8 @@ def lines_of(rows: Sequence[Row], *, now_s: float, wall_s: float) -> Iterator[st
     names = ("", "", "", *_RISKS, "charge", "reserve", "", "age")
     for row in rows:
         cells = _cells(row, row.age_s(now_s, wall_s))
-        reported = zip(names, (text for text, _ in cells), strict=True)
-        yield ", ".join(f"{name} {text}".strip() for name, text in reported if text)
+        titled = zip(names, (text for text, _ in cells), strict=True)
+        yield ", ".join(f"{name} {text}".strip() for name, text in titled if text)
 
 
 def _cells(row: Row, age_s: float | None) -> Iterator[Cell]:

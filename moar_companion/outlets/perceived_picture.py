@@ -64,7 +64,7 @@ class FirstSight:
 class SeenStory:
     """Perception of a companion in a flight; times in seconds since its first record.
 
-    solids: outlines as each was given, in order. places: recorded places of the aircraft.
+    solids: outlines as each was reported, in order. places: recorded places of the aircraft.
     """
 
     conductors: tuple[FirstSight, ...]

@@ -333,11 +333,11 @@ def _measured(
     if drawn_w is not None and by_current:
         if not recent_wh:
             prior = meter.factor
-        estimated_w = min(drawn_w, _GREATEST_RATIO * flight_w)
-        more = estimated_w * recent_wh > _AT_ODDS * flight_w * used_wh
+        capped_w = min(drawn_w, _GREATEST_RATIO * flight_w)
+        more = capped_w * recent_wh > _AT_ODDS * flight_w * used_wh
         kept = math.exp(-elapsed_s / (_MEASURING_S if more else _FORGETTING_S))
         recent_wh = kept * recent_wh + flight_w * elapsed_s / S_PER_H
-        used_wh = kept * used_wh + estimated_w * elapsed_s / S_PER_H
+        used_wh = kept * used_wh + capped_w * elapsed_s / S_PER_H
     measures = [(used_wh, recent_wh, used_wh, "current")]
     if not by_current or by_charge[0] * recent_wh > _AT_ODDS * used_wh * by_charge[1]:
         measures.append((*by_charge, "charge"))

@@ -285,11 +285,11 @@ class Preflight:
         return loss_findings(self._planner, loss, home_m, self._limits.loss_action)
 
     def _failsafes(self, autopilot: Profile) -> list[Finding]:
-        reported = autopilot.failsafes(autopilot.with_silence(self._session.requests.parameters))
-        if self._planner is None or reported is None:
+        failsafes = autopilot.failsafes(autopilot.with_silence(self._session.requests.parameters))
+        if self._planner is None or failsafes is None:
             return []
-        reported = replace(reported, home_m=self._pose_tracker.home_m)
-        return failsafe_findings(self._planner, reported, self._limits, self._power)
+        failsafes = replace(failsafes, home_m=self._pose_tracker.home_m)
+        return failsafe_findings(self._planner, failsafes, self._limits, self._power)
 
     def _is_complete(self) -> bool:
         """True if no requested data may still come."""

@@ -73,14 +73,14 @@ def _index(
     else:
         level = Level.of_risk(report.target)
         if report.held and report.cause is not None:
-            reported = f"held at the last value: {estimate.last_known[name][report.cause].phrase}"
+            words = f"held at the last value: {estimate.last_known[name][report.cause].phrase}"
         else:
-            reported = ", ".join(
+            words = ", ".join(
                 item.phrase
                 for item in report.inputs
                 if item.risk is not None and (item.risk or item.value)
             )
-        text = f"{report.target:.2f} ({reported})"
+        text = f"{report.target:.2f} ({words})"
     remedy = remedy if level >= Level.WARNING else ""
     return Finding(level=level, subject=f"{name} risk", text=text, remedy=remedy)
 

@@ -151,7 +151,7 @@ class DataflashListener:
         if subsystem in _FAILSAFES:
             (self._failing.add if code else self._failing.discard)(subsystem)
         text = ReceivedText(severity="error", text=f"ERR subsystem {subsystem}, code {code}")
-        return [*self._note_status(now_s), TextReceived(ours=False, received=text)]
+        return [*self._note_status(now_s), TextReceived(ours=False, text=text)]
 
     def read_text(self, fields: dict[str, Any], _now_s: float) -> list[ListenerEvent]:
         """Takes MSG."""
@@ -159,7 +159,7 @@ class DataflashListener:
         for firmware, vehicle_type in _FIRMWARES.items():
             if text.startswith(firmware):
                 self._type = vehicle_type
-        return [TextReceived(ours=False, received=ReceivedText(severity="info", text=text))]
+        return [TextReceived(ours=False, text=ReceivedText(severity="info", text=text))]
 
     def read_parameter(self, fields: dict[str, Any], _now_s: float) -> None:
         """Takes PARM."""

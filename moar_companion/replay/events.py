@@ -95,16 +95,14 @@ class EventLog:
             self.report("order", f"{_order_words(event)} {sender}", again_after_s=_TWICE_S)
 
     def _take_text(self, event: TextReceived) -> None:
-        text = event.received.text
+        text = event.text.text
         state = _mission_state(text) if event.ours else None
         if state is not None:
             self.mission_state = state.value
             self.report("mission", text.removeprefix(_MISSION_WORD), again_after_s=_TWICE_S)
             return
         speaker = "companion" if event.ours else "autopilot"
-        self.report(
-            "text", f"{speaker} {event.received.severity}: {text}", again_after_s=_SAME_TEXT_S
-        )
+        self.report("text", f"{speaker} {event.text.severity}: {text}", again_after_s=_SAME_TEXT_S)
 
     def compare(self, before: Telemetry, after: Telemetry) -> None:
         """Adds events for the changes of telemetry by one message."""

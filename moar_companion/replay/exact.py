@@ -187,8 +187,8 @@ def _first_difference(path: str, was: Any, now: Any) -> tuple[str, Any, Any]:
     if isinstance(was, dict) and isinstance(now, dict) and was.keys() == now.keys():
         for name in was:
             if was[name] != now[name]:
-                route = f"{path}.{name}" if path else name
-                return _first_difference(route, was[name], now[name])
+                deeper = f"{path}.{name}" if path else name
+                return _first_difference(deeper, was[name], now[name])
     if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
         for index, (one, other) in enumerate(zip(was, now, strict=True)):
             if one != other:

@@ -63,8 +63,8 @@ class UlogListener:
 
     def handle(self, sample: UlogSample, now_s: float) -> list[ListenerEvent]:
         """Takes a sample; returns the events in it."""
-        if sample.received is not None:
-            return [TextReceived(ours=False, received=sample.received)]
+        if sample.text is not None:
+            return [TextReceived(ours=False, text=sample.text)]
         assert sample.topic is not None
         name = sample.topic.name
         selected = sample.value("primary_instance") if name == ESTIMATOR_SELECTOR else None

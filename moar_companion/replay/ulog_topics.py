@@ -88,7 +88,7 @@ class UlogSample:
 
     topic: UlogTopic | None
     row: int
-    received: ReceivedText | None = None
+    text: ReceivedText | None = None
 
     def value(self, *names: str) -> float | None:
         """First of these fields in the log; None if it has none of them, or no number."""

@@ -67,7 +67,7 @@ class Braking:
     deceleration_ne_mps2: Level
 
 
-def estimates_wind(telemetry: Telemetry) -> bool:
+def shows_wind(telemetry: Telemetry) -> bool:
     """Returns True if lean and motor outputs show wind: the aircraft flies.
 
     In the landed state TAKEOFF the aircraft may still stand on its legs. Without a landed state
@@ -84,7 +84,7 @@ def extended(samples: tuple[AirSample, ...], telemetry: Telemetry) -> tuple[AirS
     The window ends at the latest attitude, so that without a new one it stays the same. It restarts
     after a gap and after a jump of the velocity.
     """
-    if not estimates_wind(telemetry):
+    if not shows_wind(telemetry):
         return ()
     latest = _sample(telemetry)
     if latest is None or (samples and latest.attitude_s <= samples[-1].attitude_s):

@@ -106,10 +106,10 @@ def inputs(
     )
     # Signals and heartbeats count: a free buffer or continuing channels prove no link to an
     # operator.
-    links = (radio[:2], remote[:2], (ground,))
-    known_links = source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
+    to_ground = (radio[:2], remote[:2], (ground,))
+    known_to_ground = source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
         "known ways to the ground",
-        sum(any(report.known for report in reports) for reports in links),
+        sum(any(report.known for report in reports) for reports in to_ground),
         "",
         lambda known: 0.0 if known else model.unknown,
     )
@@ -118,7 +118,7 @@ def inputs(
         *remote,
         ground,
         *_link_inputs(telemetry, now_s, model, memory),
-        known_links,
+        known_to_ground,
     )
 
 

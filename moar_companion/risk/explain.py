@@ -56,12 +56,12 @@ class WeightsReason:
 
     def _words_of(self, weight: str, symbol: str) -> str:
         base, adjusted = getattr(self.rule.base, weight), getattr(self.adjusted, weight)
-        reported = [
+        shown = [
             f"{name} {changes[weight]:+.2f}"
             for name, changes in self.by_risk.items()
             if abs(changes[weight]) >= _TOLD
         ]
-        reason = f" ({', '.join(reported)})" if reported else ""
+        reason = f" ({', '.join(shown)})" if shown else ""
         return f"{symbol} {base:.2f} -> {adjusted:.2f}{reason}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -119,14 +119,14 @@ def index_dict(name: str, value: float, report: IndexReport) -> dict[str, Any]:
         "inputs": [
             {
                 "name": input_name,
-                "value": reported,
+                "value": value,
                 "unit": unit,
-                "reading": read(reported, unit),
+                "reading": read(value, unit),
                 "age_s": age_s,
                 "risk": risk,
                 "known": risk is not None,
             }
-            for input_name, reported, unit, age_s, risk, _, _, _ in report.inputs
+            for input_name, value, unit, age_s, risk, _, _, _ in report.inputs
         ],
     }
 

@@ -15,7 +15,7 @@ from ..autopilots import profile
 from ..risk_model import RiskModel
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
-from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, estimates_wind
+from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, shows_wind
 from .drag import air_velocity_mps
 
 _THRUST_SHARE = 0.9
@@ -62,7 +62,7 @@ def is_saturated(
     motor_output: of the strongest motor, as a fraction of its range; None if unknown.
     """
     attitude = telemetry.attitude
-    if not estimates_wind(telemetry) or attitude is None:
+    if not shows_wind(telemetry) or attitude is None:
         return False
     if motor_output is not None and motor_output >= model.motor_fraction.high:
         return True

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 from ..risk_model import Range, RiskModel
 from ..telemetry import Telemetry, Wind
-from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, estimates_wind, extended
+from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, extended, shows_wind
 from .drag import Level, air_velocity_mps, deceleration_mps2
 from .drag_learning import DragLearning, apart_from_own_motion
 from .input_reports import InputReport, source_at, source_of
@@ -248,7 +248,7 @@ def _effort(
 def _output(telemetry: Telemetry, model: RiskModel) -> Sample | None:
     """Greatest output of a motor over its range; None if it does not depend on the wind."""
     motors, pulses = telemetry.motors, _pulse_range(telemetry, model)
-    if motors is None or not motors.pulse_us or pulses is None or not estimates_wind(telemetry):
+    if motors is None or not motors.pulse_us or pulses is None or not shows_wind(telemetry):
         return None
     output = pulses.share(max(motors.pulse_us))
     return Sample(motors.received_s, output) if output <= _OUTPUT_MAX else None
@@ -260,7 +260,7 @@ def _motor_speed(telemetry: Telemetry, model: RiskModel) -> Sample | None:
     if speeds is None or not any(speeds.rpm) or speed_range is None:
         return None
     share = speed_range.share(max(speeds.rpm))
-    return Sample(speeds.received_s, share) if estimates_wind(telemetry) else None
+    return Sample(speeds.received_s, share) if shows_wind(telemetry) else None
 
 
 def _pulse_range(telemetry: Telemetry, model: RiskModel) -> Range | None:

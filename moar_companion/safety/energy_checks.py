@@ -72,7 +72,7 @@ def battery_silent(seen: CheckInputs, now_s: float) -> str | None:
     """Text for a battery that does not report its charge any more."""
     for number, battery in sorted(seen.telemetry.batteries.items()):
         powered, age_s = is_powered(battery), now_s - battery.received_s
-        if powered and age_s > BATTERY_MAX_AGE_S and _reports_voltage(battery):
+        if powered and age_s > BATTERY_MAX_AGE_S and _reports_charge(battery):
             return f"battery {number} is silent for {seconds(age_s)} s"
         last = _reported_before(seen, number, "remaining")
         if last is not None and (battery.remaining is None or not powered):
@@ -83,7 +83,7 @@ def battery_silent(seen: CheckInputs, now_s: float) -> str | None:
 def battery_monitored(seen: CheckInputs, now_s: float) -> bool:
     """True if a battery reports its charge, and none has ceased to."""
     batteries = seen.telemetry.batteries.values()
-    reports_it = any(is_powered(battery) and _reports_voltage(battery) for battery in batteries)
+    reports_it = any(is_powered(battery) and _reports_charge(battery) for battery in batteries)
     return reports_it and battery_silent(seen, now_s) is None
 
 
@@ -93,7 +93,7 @@ def _reported_before(seen: CheckInputs, number: int, what: str) -> float | None:
     return None if last is None else last.value
 
 
-def _reports_voltage(battery: Battery) -> bool:
+def _reports_charge(battery: Battery) -> bool:
     """True if it reports its charge; a summary only repeats an earlier charge state."""
     reported = battery.charge_state is not None and not battery.summary
     return battery.remaining is not None or reported

@@ -44,8 +44,8 @@ def failsafe_hit(
     """
     for item in failsafes.actions:
         drift_m = item.drift_m if drifting else 0.0
-        flown = paths(item.action, item.home, reach, places_m, failsafes.home_m, drift_m)
-        found = first_hit(reach, flown, from_within=True)
+        candidates = paths(item.action, item.home, reach, places_m, failsafes.home_m, drift_m)
+        found = first_hit(reach, candidates, from_within=True)
         if found is not None:
             return item, found
     return None
@@ -84,8 +84,8 @@ def loss_objection(
     """
     if loss.objection_anywhere is not None or loss.action is Action.HOLD:
         return loss.objection_anywhere
-    flown = paths(loss.action, loss.home, reach, rests_m, home_m)
-    hit = first_hit(reach, flown, from_within=True)
+    candidates = paths(loss.action, loss.home, reach, rests_m, home_m)
+    hit = first_hit(reach, candidates, from_within=True)
     return None if hit is None else loss.collision(hit.obstacle)
 
 
@@ -130,12 +130,14 @@ def paths(
     return [(places_m, above), (above, above_home), (above_home, down)]
 
 
-def first_hit(reach: FreeDistance, flown: list[Path], *, from_within: bool = False) -> Hit | None:
+def first_hit(
+    reach: FreeDistance, candidates: list[Path], *, from_within: bool = False
+) -> Hit | None:
     """First obstacle on these paths, and the index of its place; None without one.
 
     from_within: includes an obstacle with the start inside its keep-out, unless the path leaves it.
     """
-    for starts_m, ends_m in flown:
+    for starts_m, ends_m in candidates:
         free_m, length_m, starts, direction, there = _looked_along(
             reach, starts_m, ends_m, from_within=from_within
         )

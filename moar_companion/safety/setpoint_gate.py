@@ -42,7 +42,7 @@ def refusal(
     margin_m: float = 0.0,
     min_altitude_m: float | None,
     corridors_m: tuple[Corridor, ...],
-    entry_legs_m: tuple[Corridor, ...] = (),
+    legs_from_beside_m: tuple[Corridor, ...] = (),
     corridor_width_m: float,
     plane_tolerance_m: float,
 ) -> str | None:
@@ -54,12 +54,12 @@ def refusal(
     needs no better position. Below 0 it reduces the margin of keep-outs. margin_m: part of
     keep-outs for the errors of a flight; inside it a stop is safer than further flight.
     corridors_m: the checked legs that may be flown now, by their points; they lead through cells
-    that are not free, or too near. entry_legs_m: those of them that begin beside the plane.
+    that are not free, or too near. legs_from_beside_m: those of them that begin beside the plane.
     """
     if not all(math.isfinite(value) for value in (*position_m, *velocity_mps, yaw_rad)):
         return "setpoint not finite"
     if abs(position_m[1]) > plane_tolerance_m and not any(
-        distance_m(position_m, leg) <= corridor_width_m for leg in entry_legs_m
+        distance_m(position_m, leg) <= corridor_width_m for leg in legs_from_beside_m
     ):
         return f"setpoint {distance(abs(position_m[1]))} m from the plane"
     low = min_altitude_m is not None and position_m[2] < min_altitude_m - _TOLERANCE_M

@@ -36,7 +36,7 @@ _LEAST_AHEAD_UNITS = 2 * UNITS_PER_S
 _SET_SINCE_S = 1_767_225_600
 """2026-01-01 UTC, in seconds since 1970. An earlier time means that the clock was never set: this
 software is younger."""
-_BELIEVED_AHEAD_S = 5 * 365 * 86400
+_PLAUSIBLE_AHEAD_S = 5 * 365 * 86400
 """Greatest possible lead of a stored time stamp. A clock that is not set may begin at the date of
 the system's image, which is younger. A greater lead comes from a wrong clock."""
 _DOUBTED_AHEAD_S = 60.0
@@ -126,17 +126,17 @@ def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
     file = None if folder is None else _kept(folder.path / _NAME)
     if folder is None or file is None:
         return Signing(key=key, wall_s=wall_s)
-    references = _estimated(file.references, wall_s, folder.path / _NAME)
+    references = _plausible(file.references, wall_s, folder.path / _NAME)
     return Signing(key=key, wall_s=wall_s, kept=file.timestamps, references=references)
 
 
-def _estimated(references: Mapping[str, int], wall_s: float, path: Path) -> dict[str, int]:
+def _plausible(references: Mapping[str, int], wall_s: float, path: Path) -> dict[str, int]:
     """Stored references that the wall clock does not prove wrong; logs those ahead of it."""
     now = timestamp_at(wall_s)
     ahead_s = (max(references.values(), default=0) - now) / UNITS_PER_S
     if wall_s < _SET_SINCE_S or ahead_s <= _DOUBTED_AHEAD_S:
         return dict(references)
-    wrong = ahead_s > _BELIEVED_AHEAD_S
+    wrong = ahead_s > _PLAUSIBLE_AHEAD_S
     _logger.warning(
         "%s: time stamps are %.1f days ahead of this computer's clock, %s",
         path,
@@ -146,7 +146,7 @@ def _estimated(references: Mapping[str, int], wall_s: float, path: Path) -> dict
         else "senders that are behind them are refused: set the clock; where it is right delete "
         "the file, and restart",
     )
-    latest = now + _BELIEVED_AHEAD_S * UNITS_PER_S
+    latest = now + _PLAUSIBLE_AHEAD_S * UNITS_PER_S
     return {link: timestamp for link, timestamp in references.items() if timestamp <= latest}
 
 

@@ -280,7 +280,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
         MapFeature(
             kind="path",
             name=path_name(plan),
-            points=tuple(point(x, z) for x, z in _waypoints_m(plan)),
+            points=tuple(point(x, z) for x, z in waypoints_m(plan)),
         )
         for plan in plans
     ]
@@ -293,5 +293,6 @@ def path_name(plan: Plan) -> str:
     return plan.mission.value if target is None else f"{plan.mission.value} {target}"
 
 
-def _waypoints_m(plan: Plan) -> list[tuple[float, float]]:
+def waypoints_m(plan: Plan) -> list[tuple[float, float]]:
+    """The plan's points (x, z)."""
     return [(each["x_m"], each["z_m"]) for each in plan.to_dict()["waypoints"]]

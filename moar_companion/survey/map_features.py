@@ -65,8 +65,8 @@ def _joined(before: MapFeature, after: MapFeature) -> MapFeature:
     """One feature of two pieces, with the greater of their lengths."""
     lengths: dict[str, Any] = {}
     for name in LENGTHS:
-        reported = [value for each in (before, after) if (value := getattr(each, name)) is not None]
-        lengths[name] = max(reported, default=None)
+        known = [value for each in (before, after) if (value := getattr(each, name)) is not None]
+        lengths[name] = max(known, default=None)
     return replace(before, points=before.points + after.points, **lengths)
 
 
@@ -268,8 +268,8 @@ def kml_of(name: str, features: tuple[MapFeature, ...]) -> str:
 
 def _properties(feature: MapFeature) -> dict[str, Any]:
     lengths = {name: getattr(feature, name) for name in LENGTHS}
-    reported = {name: length for name, length in lengths.items() if length is not None}
-    return {"kind": feature.kind, "name": feature.name} | reported
+    known = {name: length for name, length in lengths.items() if length is not None}
+    return {"kind": feature.kind, "name": feature.name} | known
 
 
 def _coordinates(feature: MapFeature) -> list[list[float]]:

@@ -11,6 +11,7 @@ from ..autopilots import profile
 from ..planner.plan_values import Plan
 from ..site import Site
 from ..types import AutopilotKind, GeodeticPoint, Mission
+from .drawn_site import waypoints_m
 
 _STRAIGHT_RAD = 0.01
 """Greatest turn that counts as straight."""
@@ -71,7 +72,7 @@ def qgc_plan_of(
 
 def _corners_m(plan: Plan) -> list[tuple[float, float]]:
     """Ends of a path, and the waypoints at which it turns."""
-    at = [(each["x_m"], each["z_m"]) for each in plan.to_dict()["waypoints"]]
+    at = waypoints_m(plan)
     inner = [
         here
         for before, here, after in zip(at, at[1:], at[2:], strict=False)

@@ -77,11 +77,11 @@ class Surface:
             x = edge_m + towards * distance
             patch = abs(self._x_m - x) <= 2.5
             before = (self._x_m - edge_m) * towards
-            route = (before >= 0.0) & (before <= distance)
+            between = (before >= 0.0) & (before <= distance)
             ground = self.ground_m[patch]
             even = float(np.ptp(ground)) <= 0.6
             free = float((self.tops_m - self.ground_m)[patch].max()) <= _ABOVE_GROUND_M
-            low = float(self.tops_m[route].max()) <= float(ground.max()) + 1.0
+            low = float(self.tops_m[between].max()) <= float(ground.max()) + 1.0
             if even and free and low:
                 return float(x), float(ground.max()) + _LANDING_HEIGHT_M
         return None

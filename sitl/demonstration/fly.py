@@ -382,7 +382,7 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
         return 1
     story = FlightStory.read(settings.out / "decisions.jsonl")
     flight = read_truth(truth, site)
-    landings = [_points(site, *mission) for mission in _landing_choices(site, settings.landing)]
+    landings = [_points(site, *choice) for choice in _landing_choices(site, settings.landing)]
     verdict = judge(flight, site, vehicle.radius_m, story.landing_legs_m, landings)
     picture = settings.out / "flight.png"
     flown = [(row.position_m[0], row.position_m[2]) for row in flight if not row.on_ground]

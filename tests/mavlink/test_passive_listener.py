@@ -90,7 +90,7 @@ def test_a_clock_that_goes_back_is_a_restart():
 def test_texts_of_autopilot_and_companion_are_received_whole():
     scene = Scene()
     assert scene.handle(scene.autopilot.pack(text(b"Arming\tmotors\x1b"))) == [
-        TextReceived(ours=False, received=ReceivedText(severity="info", text="Arming motors"))
+        TextReceived(ours=False, text=ReceivedText(severity="info", text="Arming motors"))
     ]
     parts = b"a" * 50, b"b" * 50, b"c\x00"
     for chunk, part in enumerate(parts[:2]):
@@ -98,7 +98,7 @@ def test_texts_of_autopilot_and_companion_are_received_whole():
         assert scene.handle(scene.companion.pack(message)) == []
     end = scene.companion.pack(text(parts[2], severity=4, number=9, chunk=2))
     whole = ReceivedText(severity="warning", text="a" * 50 + "b" * 50 + "c")
-    assert scene.handle(end) == [TextReceived(ours=True, received=whole)]
+    assert scene.handle(end) == [TextReceived(ours=True, text=whole)]
     assert scene.handle(scene.ground.pack(text(b"a ground station's"))) == []
 
 
@@ -106,7 +106,7 @@ def test_a_text_whose_end_is_lost_ends_at_the_next_text():
     scene = Scene()
     scene.handle(scene.autopilot.pack(text(b"a" * 50, number=1)))
     texts = scene.handle(scene.autopilot.pack(text(b"next")))
-    assert [item.received.text for item in texts] == ["a" * 50, "next"]
+    assert [item.text.text for item in texts] == ["a" * 50, "next"]
 
 
 def test_commands_to_the_companion_and_its_answers_are_received():

@@ -58,7 +58,7 @@ def test_errors_of_failsafes_are_a_failsafe_until_they_clear():
     assert not telemetry(GUIDED, ("ERR", begun), ("ERR", cleared)).autopilot.failsafe
     assert not telemetry(GUIDED, ("ERR", {"Subsys": 2, "ECode": 1})).autopilot.failsafe
     _, events = received(GUIDED, ("ERR", begun))
-    assert events[-1].received.text == "ERR subsystem 6, code 1"
+    assert events[-1].text.text == "ERR subsystem 6, code 1"
 
 
 def test_landing_and_taking_off_are_events():

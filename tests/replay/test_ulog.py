@@ -245,9 +245,7 @@ def test_samples_are_in_order_and_none_is_before_the_start_of_the_log():
     ]
     read = list(samples(topics, [(25, 4, "a warning"), (7, 99, "nonsense")], 12))
     assert [round(time_s * 1e6) for time_s, _ in read] == [12, 12, 12, 20, 25, 30, 40]
-    texts = [
-        (sample.received.severity, sample.received.text) for _, sample in read if sample.received
-    ]
+    texts = [(sample.text.severity, sample.text.text) for _, sample in read if sample.text]
     assert texts == [("debug", "nonsense"), ("warning", "a warning")]
 
 

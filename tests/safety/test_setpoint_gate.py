@@ -44,7 +44,7 @@ def reason(
         margin_m=margin_m,
         min_altitude_m=lowest_m,
         corridors_m=corridors,
-        entry_legs_m=entry_legs,
+        legs_from_beside_m=entry_legs,
         corridor_width_m=0.3,
         plane_tolerance_m=2.0,
     )

@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from ..flights.operator import Manner
-from ..thorough import sampled
 
 BOTH = pytest.mark.parametrize("manner", Manner)
 
 
 def _first(manner):
-    """One autopilot, and with MOAR_THOROUGH=1 both, where they hardly differ."""
-    return pytest.mark.parametrize("manner", sampled([manner], list(Manner)))
+    """With one of them by tests/run, with the other by .ci/run, too."""
+    (other,) = set(Manner) - {manner}
+    return pytest.mark.parametrize("manner", [manner, pytest.param(other, marks=pytest.mark.slow)])
 
 
 PX4_FIRST = _first(Manner.PX4)

@@ -42,5 +42,5 @@ def same_path(plan: Plan, other: Plan) -> bool:
 
 def risk_words(risk: RiskIndices) -> str:
     """The indices that are not 0, as a text: `wind 1, battery 0.5`."""
-    reported = [f"{name} {value:g}" for name, value in risk.as_dict().items() if value]
-    return ", ".join(reported) or "no risk"
+    shown = [f"{name} {value:g}" for name, value in risk.as_dict().items() if value]
+    return ", ".join(shown) or "no risk"
