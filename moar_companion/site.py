@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from . import yaml_file
+from .errors import InputError
 from .frames import SiteFrame
 from .polygon_outline import outline_problem
 from .types import GeodeticPoint, Mission
@@ -125,12 +126,13 @@ class Site:
     margin: Margin = Margin()
     """Part of its keep-outs beyond those of the file; zero where the site is only planned."""
 
-    def target(self, name: str) -> Target:
-        """The target of this name; KeyError without it."""
+    def target(self, name: str | int | None) -> Target:
+        """The target of this name; the first for None. Raises InputError without it."""
         for target in self.targets:
-            if target.name == name:
+            if name is None or name == target.name:
                 return target
-        raise KeyError(name)
+        known = ", ".join(target.name for target in self.targets) or "none"
+        raise InputError(self.name, "targets", f"no target {name!r}; the site has: {known}")
 
     def flown_with(self, margin: Margin) -> Site:
         """The site as it is flown: the margin is added to the keep-out of every obstacle."""

@@ -1,6 +1,6 @@
 """Form of a text for pilots: its pattern, its actions, and the fields that vary in it. Pure.
 
-The texts themselves: `pilot_texts`.
+The texts themselves: `pilot_texts`, `service_texts`.
 """
 
 from __future__ import annotations

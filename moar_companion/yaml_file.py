@@ -81,7 +81,7 @@ def read(
     """
     source = os.fspath(path)
     text = _text(source)
-    keys = ", ".join(_keys(schema))
+    keys = ", ".join(schema.model_fields)
     try:
         loader = _Loader(text)
         root = loader.get_single_node()
@@ -317,7 +317,7 @@ def _finding(details: ErrorDetails, schema: type[BaseModel], data: Any) -> FileF
     if kind == "extra_forbidden":
         for part in key[:-1]:
             data = data[part]
-        known = _keys(_schema_at(schema, key[:-1]))
+        known = _schema_at(schema, key[:-1]).model_fields
         likely = nearest(str(key[-1]), [name for name in known if name not in data])
         return FileFinding(
             key, f"is not a known key{likely or ', must be one of ' + ', '.join(known)}"
@@ -391,10 +391,6 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next(filter(None, map(_model_in, typing.get_args(annotation))), None)
-
-
-def _keys(schema: type[BaseModel]) -> list[str]:
-    return list(schema.model_fields)
 
 
 def _shown_text(text: str) -> str:

@@ -1,6 +1,4 @@
-"""ArduCopter: its modes, messages, failsafes, fence, frame and flight.
-
-`ardupilot_parameters` has check's rules.
+"""ArduCopter: modes, messages, failsafes, fence, frame, flight. Rules: `ardupilot_parameters`.
 
 Sources: ArduCopter 4.6.3, `ArduCopter/mode.h`, `events.cpp` (failsafe_radio_on_event,
 failsafe_gcs_on_event, handle_battery_failsafe, failsafe_deadreckon_check, do_failsafe_action),
@@ -112,8 +110,7 @@ _FENCE_ACTIONS = {
 }
 """FENCE_ACTION."""
 _RADIUS_M = 6_378_100.0
-_GUIDED = 4
-_LAND = 9
+_GUIDED, _LAND = 4, 9
 _MODES = {
     0: "STABILIZE",
     1: "ACRO",

@@ -2,9 +2,6 @@
 
     observe -> look_ahead -> assess_risk -> rule -> transition -> route -> follow -> emit
 
-    bytes -> session -> telemetry -> pose, risk indices -> weights -> plan job
-    plan answer -> flight -> setpoint -> gate -> session -> bytes
-
 The service calls `receive` and `plan_answered` with inputs, runs a cycle with `tick` at the
 setpoint rate, and takes `data_to_send`, `plan_jobs` and `decisions`. Answers of the planner wait
 for the next cycle. The machine never waits and has no clock; the same inputs at the same times give
@@ -14,7 +11,6 @@ the same outputs, byte for byte.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 
 from ..adaptation import Adaptation
@@ -24,10 +20,7 @@ from ..contingency.route_cost import Outlook
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import PoseTracker, SiteMaps, grounded
 from ..guidance.path_follower import Progress
-from ..mavlink.commands import (
-    CommandCancelled,
-    DeniedCommand,
-)
+from ..mavlink.commands import CommandCancelled, DeniedCommand
 from ..mavlink.identity import AutopilotFound, AutopilotRestarted
 from ..mavlink.peers import Address
 from ..mavlink.session import Event, Session, Severity, SystemStatus
@@ -95,14 +88,10 @@ class Companion:
         )
         self._start_report = StartReport(before)
         self._begin(site_maps)
-        self._contingency_answers: deque[PlanAnswer] = deque()
         self._cycle_s: float | None = None
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
-        self._risk_due_s = -math.inf
-        self._accuracies: tuple[object, ...] = ()
-        """Reports of position accuracy in the last cycle."""
-        self._report_due_s = -math.inf
+        self._risk_due_s = self._report_due_s = -math.inf
 
     def _begin(self, site_maps: SiteMaps | None) -> None:
         site = None if site_maps is None else site_maps.site
@@ -137,10 +126,7 @@ class Companion:
         status = self.status
         if not self._executor.status_changed:
             return self._start_report.before
-        site = None if self._site_maps is None else self._site_maps.site.name
-        return MissionSnapshot(
-            state=status.state, since_s=status.since_s, task=status.task, site=site
-        )
+        return MissionSnapshot.of(status, None if self._site_maps is None else self._site_maps.site)
 
     @property
     def signing(self) -> SigningState:
@@ -253,7 +239,7 @@ class Companion:
 
     def contingency_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job, for the next cycle."""
-        self._contingency_answers.append(answer)
+        self._executor.risk_monitor.contingency_answered(answer)
 
     def perceived(self, report: PerceptionReport) -> None:
         """Takes a report of the perception, for the next cycle."""
@@ -274,7 +260,7 @@ class Companion:
         if risk_due:
             self._risk_due_s = now_s + _RISK_PERIOD_S
             self._executor.look_ahead(now_s)
-        if self._accuracy_changed() or risk_due:
+        if self._executor.risk_monitor.note_accuracy(self.telemetry) or risk_due:
             self._executor.assess_risk(now_s)
         self._executor.rule(now_s)
         self._transition(now_s)
@@ -295,7 +281,8 @@ class Companion:
 
         Orders wait for `_transition`, until the checks that end our control have run.
         """
-        self._notice_pause(now_s)
+        paused_s = 0.0 if self._followed_s is None else now_s - self._followed_s
+        self._executor.faults.note_pause(paused_s, self._config.supervision.position_timeout_s)
         jump = self._pose_tracker.look(self.telemetry)
         self._seen_obstacles.note_pose(self.telemetry, self._pose_tracker, jump)
         site_maps = self._seen_obstacles.taken(now_s)
@@ -308,14 +295,7 @@ class Companion:
             self._take_event(event, now_s)
         routes = self._executor.routes
         routes.limits.learn(self._session, self._pose_tracker.home_m, routes.flight, now_s)
-        while self._contingency_answers:
-            self._executor.take_contingency(self._contingency_answers.popleft())
-
-    def _accuracy_changed(self) -> bool:
-        """True if a report of position accuracy is new: it must count for the next setpoint."""
-        now, before = self.telemetry, self._accuracies
-        self._accuracies = now.gnss, now.second_gnss, now.estimator, now.odometry
-        return self._accuracies != before
+        self._executor.risk_monitor.take_answers(routes.limits.volume)
 
     def _transition(self, now_s: float) -> None:
         """Steps the mission machine: with the planner's answer, the ruling, and orders."""
@@ -334,10 +314,8 @@ class Companion:
         if self._orders.planner_awaited:
             return
         may_continue = not self._executor.status_changed and self.status.task is not None
-        texts = self._start_report.texts(self.telemetry, now_s, may_continue=may_continue)
-        if self.status.state not in STREAMING:
-            pack = self._start_report.pack_text(self.telemetry, self._vehicle.risk.cells)
-            texts += [] if pack is None else [pack]
+        cells = None if self.status.state in STREAMING else self._vehicle.risk.cells
+        texts = self._start_report.texts(self.telemetry, cells, now_s, may_continue=may_continue)
         for text in texts:
             self._reports.send_text(Severity.WARNING, text, now_s)
 
@@ -409,13 +387,6 @@ class Companion:
                 self._executor.faults.note_restart()
             case _:
                 self._reports.report_event(event, now_s)
-
-    def _notice_pause(self, now_s: float) -> None:
-        """Notes a fault when the last output sent in time is too old: control has ended."""
-        paused_s = 0.0 if self._followed_s is None else now_s - self._followed_s
-        if paused_s > self._config.supervision.position_timeout_s:
-            # Data received meanwhile is old, and the autopilot may have acted on offboard loss.
-            self._executor.faults.note_pause(paused_s)
 
     def _emit(self, now_s: float) -> None:
         """Sends heartbeat and requests, each half second risk indices and weights."""

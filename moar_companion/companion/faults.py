@@ -15,11 +15,14 @@ class Faults:
     def __init__(self) -> None:
         self.causes = Causes()
 
-    def note_pause(self, paused_s: float) -> None:
-        """Notes a control-loop stall: time without an output that was sent in time."""
-        self.causes = replace(
-            self.causes, loop_stall=f"control loop stalled {distance(paused_s)} s"
-        )
+    def note_pause(self, paused_s: float, limit_s: float) -> None:
+        """Notes a control-loop stall: more than limit_s without an output sent in time.
+
+        Data received meanwhile is old, and the autopilot may have acted on the offboard loss.
+        """
+        if paused_s > limit_s:
+            stalled = f"control loop stalled {distance(paused_s)} s"
+            self.causes = replace(self.causes, loop_stall=stalled)
 
     def note_mode_left(self, mode: str) -> None:
         """Notes that the autopilot has left our mode; it may be back in it."""

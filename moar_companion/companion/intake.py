@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 
-from .. import pilot_texts
+from .. import service_texts
 from ..mavlink.peers import Address, Precedence
 from ..text_format import plural
 
@@ -92,7 +92,7 @@ class Intake:
         self.dropped.clear()
         self._reported_s = now_s
         return [
-            pilot_texts.DATAGRAMS_DROPPED(large_count=count, plural=plural(count), detail=links)
+            service_texts.DATAGRAMS_DROPPED(large_count=count, plural=plural(count), detail=links)
         ]
 
 

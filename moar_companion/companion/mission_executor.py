@@ -274,11 +274,6 @@ class MissionExecutor:
         ):
             self._send_last_setpoint(now_s)
 
-    def take_contingency(self, answer: PlanAnswer) -> None:
-        """Takes the answer to a contingency's job; one that is no longer awaited is dropped."""
-        if self.risk_monitor.contingencies is not None:
-            self.risk_monitor.contingencies.answered(answer, self.routes.limits.volume)
-
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
         """Handles a missing plan: an order is denied, another request stays pending for room."""
         reason = self.routes.inflation.explained(answer)

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from ..mission.state_changes import state_words
-from ..mission.values import Task
+from ..mission.values import MissionStatus, Task
 from ..mission_states import STREAMING, MissionState
 from ..site import Site
 from ..types import Mission
@@ -26,6 +26,12 @@ class MissionSnapshot:
     task: Task | None = None
     site: str | None = None
     """Name of the site, which gives the task its meaning."""
+
+    @classmethod
+    def of(cls, status: MissionStatus, site: Site | None) -> MissionSnapshot:
+        """The snapshot of a status; site: where it is flown."""
+        name = None if site is None else site.name
+        return cls(state=status.state, since_s=status.since_s, task=status.task, site=name)
 
     @property
     def streamed(self) -> bool:

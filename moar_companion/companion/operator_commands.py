@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .. import pilot_texts
+from .. import pilot_texts, service_texts
 from ..config import Authority
 from ..mavlink.commands import Command, CommandResult, PauseContinue, stops
 from ..mavlink.received_commands import Accepted
@@ -88,7 +88,7 @@ class OperatorCommands:
     def planner_ready(self, now_s: float) -> None:
         """Notes that the planner is ready."""
         if self._compiling:
-            self._reports.send_text(Severity.INFO, pilot_texts.PLANNER_READY(), now_s)
+            self._reports.send_text(Severity.INFO, service_texts.PLANNER_READY(), now_s)
         self.planner_awaited, self._compiling = False, ""
 
     def await_autopilot(self, now_s: float) -> None:

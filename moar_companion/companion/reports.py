@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .. import pilot_texts
+from .. import pilot_texts, service_texts
 from ..estimation.pose import Pose
 from ..mavlink.commands import CommandResult
 from ..mavlink.identity import AutopilotConflict
@@ -64,7 +64,7 @@ class Reports:
                 self.send_text(Severity.WARNING, pilot_texts.MODE_REFUSED(), now_s)
             case AutopilotElsewhere(link=link, address=(host, port, *_)):
                 detail = f"port {port}, on {link}"
-                text = pilot_texts.AUTOPILOT_ELSEWHERE(host=host, detail=detail)
+                text = service_texts.AUTOPILOT_ELSEWHERE(host=host, detail=detail)
                 self.send_text(Severity.WARNING, text, now_s, action="ignored")
             case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
                 detail = f"{host}:{port} on {link}; commands.systems"

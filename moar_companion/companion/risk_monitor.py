@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 
 from ..contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
 from ..estimation.pose_tracker import SiteMaps, grounded
+from ..guidance.flight_volume import FlightVolume
+from ..planning.plan_jobs import PlanAnswer
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
@@ -31,6 +34,32 @@ class RiskMonitor:
             None if site_maps is None else ContingencyPlanner(site_maps.site, vehicle, self._power)
         )
         """Contingency plans; None without a site."""
+        self._answers: deque[PlanAnswer] = deque()
+        """Answers to jobs of contingencies, for the next cycle."""
+        self._accuracies: tuple[object, ...] = ()
+        """Reports of position accuracy that were last noted."""
+
+    def note_accuracy(self, telemetry: Telemetry) -> bool:
+        """Takes reports of position accuracy; True if one is new: the next setpoint needs it."""
+        before = self._accuracies
+        self._accuracies = (
+            telemetry.gnss,
+            telemetry.second_gnss,
+            telemetry.estimator,
+            telemetry.odometry,
+        )
+        return self._accuracies != before
+
+    def contingency_answered(self, answer: PlanAnswer) -> None:
+        """Takes the answer to a contingency's job, for the next cycle."""
+        self._answers.append(answer)
+
+    def take_answers(self, volume: FlightVolume | None) -> None:
+        """Gives the answers since the last cycle; one that is no longer awaited is dropped."""
+        while self._answers:
+            answer = self._answers.popleft()
+            if self.contingencies is not None:
+                self.contingencies.answered(answer, volume)
 
     def keep_escape_routes(
         self,

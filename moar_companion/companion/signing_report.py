@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from .. import pilot_texts
+from .. import service_texts
 from ..mavlink.signing import SigningRefusal
 from ..text_format import plural, seconds
 
@@ -43,7 +43,7 @@ class SigningReport:
             count = sum(counts[reason] for counts in refused.values())
             if count > self._reported[reason] and now_s - self._reported_s[reason] >= _PERIOD_S:
                 number = count - self._reported[reason]
-                words = pilot_texts.PACKETS_REFUSED(
+                words = service_texts.PACKETS_REFUSED(
                     large_count=number, plural=plural(number), refusal=reason.value
                 )
                 if reason is SigningRefusal.OLD and any(behind_s.values()):
@@ -61,7 +61,7 @@ def _slowest(behind_s: Mapping[str, Mapping[int, float]]) -> str:
     most_s, system_id = max(
         (late_s, system_id) for link in behind_s.values() for system_id, late_s in link.items()
     )
-    return pilot_texts.SIGNER_BEHIND(id=system_id, s=seconds(most_s))
+    return service_texts.SIGNER_BEHIND(id=system_id, s=seconds(most_s))
 
 
 def _ahead(ahead_s: float) -> str:
@@ -70,4 +70,4 @@ def _ahead(ahead_s: float) -> str:
     amount = f"{minutes:.0f} min"
     if minutes >= 120.0:
         amount = f"{minutes / 60.0:.1f} h" if minutes < 2880.0 else f"{minutes / 1440.0:.0f} d"
-    return pilot_texts.SIGNING_AHEAD(time=amount)
+    return service_texts.SIGNING_AHEAD(time=amount)

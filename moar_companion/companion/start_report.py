@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .. import pilot_texts
+from .. import service_texts
 from ..estimation.pose_tracker import airborne, grounded
 from ..mavlink.commands import Command, holds, stops
 from ..power.cells import misread
@@ -36,8 +36,21 @@ class StartReport:
         if self.before is not None and stops(command) and not holds(command):
             self.before = replace(self.before, task=None)
 
-    def texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
-        """Texts to report now. may_continue: the operator can order the rest of the task."""
+    def texts(
+        self, telemetry: Telemetry, cells: int | None, now_s: float, *, may_continue: bool
+    ) -> list[str]:
+        """Texts to report now. may_continue: the operator can order the rest of the task.
+
+        cells: of the vehicle file; None while its comparison with the pack is not due.
+        """
+        texts = self._start_texts(telemetry, now_s, may_continue=may_continue)
+        pack = None if self._pack_reported else misread(telemetry, cells)
+        if pack is not None:
+            self._pack_reported = True
+            texts.append(pack)
+        return texts
+
+    def _start_texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
         autopilot, before = telemetry.autopilot, self.before
         if self._reported or autopilot is None:
             return []
@@ -49,15 +62,9 @@ class StartReport:
         self._reported = True
         texts = []
         if before is not None and (before.streamed or flying):
-            texts.append(pilot_texts.RESTARTED(before=before.words(now_s)))
+            texts.append(service_texts.RESTARTED(before=before.words(now_s)))
             if may_continue:
-                texts.append(pilot_texts.CONTINUE_POSSIBLE())
+                texts.append(service_texts.CONTINUE_POSSIBLE())
         if flying and autopilot.ours:
-            texts.append(pilot_texts.MODE_STILL_ON(mode=autopilot.mode))
+            texts.append(service_texts.MODE_STILL_ON(mode=autopilot.mode))
         return texts
-
-    def pack_text(self, telemetry: Telemetry, cells: int | None) -> str | None:
-        """Text to report now of a pack with another number of cells; None if there is none."""
-        words = None if self._pack_reported else misread(telemetry, cells)
-        self._pack_reported = self._pack_reported or words is not None
-        return words

@@ -35,7 +35,15 @@ from ..safety.failsafe_paths import exposed_places
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
-from .route_cost import Outcome, Outlook, RouteCost, better_of, energy_wh_of, least_in_wind_s
+from .route_cost import (
+    Outcome,
+    Outlook,
+    RouteCost,
+    better_of,
+    energy_wh_of,
+    least_in_wind_s,
+    straight_s,
+)
 
 _ROUND_S = 2.0
 """Time between two rounds of requests: at 5 m/s the aircraft moves 10 m."""
@@ -102,9 +110,8 @@ class ContingencyPlanner:
         self._queue: list[_Question] = []
         self._due_s = -math.inf
         self._routes: dict[_Question, RouteCost | None] = {}
-        """Routes of the last answers, of those with a plan; None where no answer had one."""
         self._starts: dict[_Question, Vector] = {}
-        """Start points of the routes."""
+        """Routes of the last answers with a plan, None where none had one; their start points."""
         self._now_s = -math.inf
         self._failsafes = NO_FAILSAFES
         """Battery failsafes, which make a place exposed."""
@@ -119,7 +126,6 @@ class ContingencyPlanner:
         self._out: dict[Mission, RouteCost | None] = {}
         """The escape routes; of an active one the remaining part."""
         self._flown: Mission | None = None
-        """The active mission."""
         self.better: Mission | None = None
         """The escape route that takes less energy, or is active; None while there is none."""
 
@@ -158,14 +164,7 @@ class ContingencyPlanner:
         """Energy left, and demand of each route."""
 
         def outcome(route: RouteCost | None) -> Outcome | None:
-            if route is None:
-                return None
-            return Outcome(
-                duration_s=route.duration_s,
-                energy_wh=meter.factor * route.energy_wh,
-                left_s=meter.left_after_s(self._power, route.energy_wh),
-                age_s=self._now_s - route.asked_s,
-            )
+            return None if route is None else route.outcome(meter, self._power, self._now_s)
 
         return Outlook(
             left_wh=meter.left_wh,
@@ -273,11 +272,9 @@ class ContingencyPlanner:
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)
         route = self._exposed(self._route_cost(*rest, asked.asked_s), *rest, volume)
-        return (
-            route
-            if asked.question.mission is Mission.INSPECTION
-            else route.then(self._landing(volume))
-        )
+        if asked.question.mission is Mission.INSPECTION:
+            return route
+        return route.then(self._landing(volume))
 
     def _route_cost(
         self, position_m: FloatArray, duration_s: FloatArray, asked_s: float
@@ -324,12 +321,8 @@ class ContingencyPlanner:
 
     def _straight(self, here_m: Vector, there_m: Vector) -> RouteCost:
         """The straight route from here to there, at full speed."""
-        x_m, y_m, up_m = (there - here for here, there in zip(here_m, there_m, strict=True))
-        power = self._power
-        upward_mps = power.climb_mps if up_m > 0.0 else power.descent_mps
-        seconds = max(math.hypot(x_m, y_m) / power.cruise_mps, abs(up_m) / upward_mps)
-        ends, duration_s = np.array([here_m, there_m]), np.array([seconds])
-        return self._route_cost(ends, duration_s, self._now_s)
+        duration_s = np.array([straight_s(here_m, there_m, self._power)])
+        return self._route_cost(np.array([here_m, there_m]), duration_s, self._now_s)
 
     def _sum_up(self, scene: ContingencyInputs) -> None:
         status, task, flight = scene.status, scene.status.task, scene.flight

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..planner.grid import FloatArray
+from ..power import Meter, PowerModel
 from ..risk.braking import GRAVITY_MPS2
 from ..risk.drag import Level, air_velocity_mps
 from ..safety.check_inputs import ROUTE_MAX_AGE_S
-from ..types import Mission
+from ..types import Mission, Vector
 from ..vehicle import Vehicle
 
 _CLEARLY_LESS = 0.9
@@ -50,6 +51,15 @@ class RouteCost:
             duration_s=self.duration_s / pace,
             energy_wh=self.energy_wh / pace,
             exposed_s=self.exposed_s / pace,
+        )
+
+    def outcome(self, meter: Meter, power: PowerModel, now_s: float) -> Outcome:
+        """Returns what the battery has left after the route."""
+        return Outcome(
+            duration_s=self.duration_s,
+            energy_wh=meter.factor * self.energy_wh,
+            left_s=meter.left_after_s(power, self.energy_wh),
+            age_s=now_s - self.asked_s,
         )
 
 
@@ -105,6 +115,13 @@ def better_of(routes: Mapping[Mission, RouteCost | None], before: Mission | None
 def energy_wh_of(route: RouteCost | None) -> float | None:
     """Energy of a route, if it is known."""
     return None if route is None else route.energy_wh
+
+
+def straight_s(here_m: Vector, there_m: Vector, power: PowerModel) -> float:
+    """Duration of a straight flight from here to there at full speed."""
+    x_m, y_m, up_m = (there - here for here, there in zip(here_m, there_m, strict=True))
+    upward_mps = power.climb_mps if up_m > 0.0 else power.descent_mps
+    return max(math.hypot(x_m, y_m) / power.cruise_mps, abs(up_m) / upward_mps)
 
 
 def least_in_wind_s(steps_m: FloatArray, wind_mps: Level, vehicle: Vehicle) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from .. import pilot_texts
+from .. import service_texts
 from ..types import AutopilotKind
 from . import translate
 from .dialect import Message, mavlink
@@ -114,7 +114,7 @@ class Identity:
             self._reported_s = -math.inf
             return AutopilotFound(autopilot=received)
         if other:
-            words = pilot_texts.TWO_AUTOPILOTS(id=known.system_id, other_id=received.system_id)
+            words = service_texts.TWO_AUTOPILOTS(id=known.system_id, other_id=received.system_id)
             return self._note(key, received, words, "two autopilots are received", now_s)
         if link != known.link:
             if self.received_s is not None and now_s - self.received_s <= _LINK_TIMEOUT_S:
@@ -129,7 +129,7 @@ class Identity:
         """Records a packet with the autopilot's ids and another clock; returns a due conflict."""
         if self.autopilot is None:
             return None
-        words = pilot_texts.TWO_CLOCKS(id=self.autopilot.system_id)
+        words = service_texts.TWO_CLOCKS(id=self.autopilot.system_id)
         return self._note("clock", self.autopilot, words, words, now_s)
 
     def _note(

@@ -3,9 +3,8 @@
 Each kernel has one signature. It is compiled or loaded at its first call, or before (`compiling`).
 No kernel is compiled in flight, and code without kernels does not import the compiler. `nogil` (a
 plan never delays the streaming loop), `cache` (compiled once per machine), no `fastmath` (costs are
-compared with an oracle). A kernel and the kernels it calls are in one file: the cache checks a
-kernel's own file alone. Constants and layouts of named tuples may come from other files: the name
-in the cache depends on them.
+compared with an oracle). The cache checks a kernel's own file alone. Constants, layouts of named
+tuples and called kernels may come from other files: the name in the cache depends on them.
 """
 
 from __future__ import annotations
@@ -186,14 +185,20 @@ def _load_without_blas() -> None:
 
 
 def _taken_in(function: Any, types: tuple[Type, ...]) -> str:
-    """Digest of the names that a kernel, and those it calls, take from other files."""
+    """Digest of what a kernel, and those it calls, take from other files."""
     named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
     taken = [
         [each.fields for each in types],
         [each for each in named if isinstance(each, (int, float))],
-        [each.py_func.__qualname__ for each in named if hasattr(each, "py_func")],
+        [_source(each.py_func) for each in named if hasattr(each, "py_func")],
     ]
     return hashlib.sha256(repr(taken).encode()).hexdigest()[:12]
+
+
+def _source(function: Any) -> tuple[object, ...]:
+    """What a called kernel does. Its name has the digest of what it takes from other files."""
+    code = function.__code__
+    return function.__qualname__, code.co_code, code.co_names, code.co_consts
 
 
 def direct(kernel: Any) -> Callable[..., Any]:

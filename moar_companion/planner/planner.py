@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..adaptation import Adaptation, AdaptationKind, Calibration
-from ..errors import InputError
-from ..site import Obstacle, PlanePoint, Site, Target
+from ..site import Obstacle, PlanePoint, Site
 from ..types import Mission, RiskIndices, Weights
 from ..vehicle import Vehicle
 from .calibration import calibrated
@@ -101,7 +100,7 @@ class Planner:
         """
         mission = Mission(mission)
         if mission is Mission.INSPECTION:
-            target = self._target(target).name
+            target = self.site.target(target).name
         key = (mission, target)
         # Read once: if obstacles change meanwhile, the new table is stored with dropped tables.
         tables = self._tables
@@ -237,7 +236,7 @@ class Planner:
             return request
         target = request.target
         if request.mission is Mission.INSPECTION:
-            target = self._target(target).name
+            target = self.site.target(target).name
         key = ((request.mission, target), rule.base, self.graph.grid.flat(cell))
         if key not in self._calibrations:
             while len(self._calibrations) >= _MOST_CALIBRATIONS:
@@ -267,7 +266,7 @@ class Planner:
         """The answer to a request; errors as of `plan`."""
         target = None
         if request.mission is Mission.INSPECTION:
-            target = self._target(request.target)
+            target = self.site.target(request.target)
             if request.target != target.name:
                 request = replace(request, target=target.name)
         grid, occupied = self.maps.grid, self.maps.occupied
@@ -365,15 +364,6 @@ class Planner:
             states=np.empty((0, len(self.graph.grid.shape) + 1), dtype=np.int64),
         )
 
-    def _target(self, name: str | int | None) -> Target:
-        """The target of this name; the first for None."""
-        targets = self.site.targets
-        for target in targets:
-            if name is None or name == target.name:
-                return target
-        known = ", ".join(target.name for target in targets) or "none"
-        raise InputError(self.site.name, "targets", f"no target {name!r}; the site has: {known}")
-
     def _goal(self, key: _Key) -> _Goal:
         """The goal of a mission and target, computed once."""
         goals = self._goals
@@ -385,7 +375,7 @@ class Planner:
         grid = self.graph.grid
         region = None
         if mission is Mission.INSPECTION:
-            cell = grid.cell_of(self._target(target).position_m)
+            cell = grid.cell_of(self.site.target(target).position_m)
             cells = [] if cell is None or self.maps.occupied[cell] else [cell]
         else:
             region = goal_region(self.site, self.vehicle, self.maps, mission, target)

@@ -256,9 +256,7 @@ def _put_in(path: Path, size: int, after: int, before: int, count: int, terms: T
     number of legs, 0 for an unchanged path.
     """
     points, legs, new_m, new = path.points_m, path.legs, path.new_m, path.new
-    energy = terms.cost.energy
-    end = min(before, size)
-    old = 0.0
+    end, old, energy = min(before, size), 0.0, terms.cost.energy
     for at in range(after + 1, end + 1):
         old += legs[at, 0] + energy * _turn(legs[at - 1, 3], legs[at - 1, 4], legs, at)
     if end < size:
@@ -294,8 +292,7 @@ def _put_in(path: Path, size: int, after: int, before: int, count: int, terms: T
         if not terms.goal[ix, iz]:
             return 0
     shift = count - (end - after)
-    rest = range(size, end, -1) if shift > 0 else range(end + 1, size + 1)
-    for at in rest:
+    for at in range(size, end, -1) if shift > 0 else range(end + 1, size + 1):
         points[at + shift] = points[at]
         legs[at + shift] = legs[at]
     for at in range(count):

@@ -11,7 +11,6 @@ import numpy as np
 
 from .arrays import (
     CELL_MEMORY,
-    HEAP,
     STATE_MEMORY,
     STEP_COST,
     STEPS,
@@ -21,60 +20,8 @@ from .arrays import (
     Steps,
 )
 from .grid import FloatArray, IntArray
+from .heap import put, take
 from .jit import BOOL, F8, I8, U1, jit, none, read, several, written
-
-
-@jit(I8, *HEAP, I8, F8, I8)
-def _put(
-    keys: FloatArray, items: IntArray, position: IntArray, size: int, key: float, item: int
-) -> int:
-    """Puts an item into a binary heap, or lowers its key there; the heap's size then.
-
-    position: place of each item in the heap, -1 for absent items.
-    """
-    at = position[item]
-    if at < 0:
-        at = size
-        size += 1
-    while at > 0:
-        parent = (at - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[at] = keys[parent]
-        items[at] = items[parent]
-        position[items[at]] = at
-        at = parent
-    keys[at] = key
-    items[at] = item
-    position[item] = at
-    return size
-
-
-@jit(I8, *HEAP, I8)
-def _take(keys: FloatArray, items: IntArray, position: IntArray, size: int) -> int:
-    """Takes the least item, at index 0, out of the heap; the heap's size then."""
-    position[items[0]] = -1
-    size -= 1
-    if size == 0:
-        return size
-    key, item = keys[size], items[size]
-    at = 0
-    while True:
-        child = 2 * at + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[at] = keys[child]
-        items[at] = items[child]
-        position[items[at]] = at
-        at = child
-    keys[at] = key
-    items[at] = item
-    position[item] = at
-    return size
 
 
 @jit(several(F8, F8, F8), STEPS, I8, I8)
@@ -199,10 +146,10 @@ def backward(
             label[goal, move] = last
             policy[goal, move] = 0
             least = min(least, last + lead[goal, move])
-        size = _put(keys, items, position, size, least, goal)
+        size = put(keys, items, position, size, least, goal)
     while size > 0 and keys[0] < best:
         cell = items[0]
-        size = _take(keys, items, position, size)
+        size = take(keys, items, position, size)
         expanded += 1
         fallen = memory.pending[cell]
         memory.pending[cell] = 0
@@ -245,7 +192,7 @@ def backward(
                     least = min(least, through[move] + lead[before, move])
             memory.pending[before] |= better
             if least < best and (position[before] < 0 or least < keys[position[before]]):
-                size = _put(keys, items, position, size, least, before)
+                size = put(keys, items, position, size, least, before)
     return best, first, expanded
 
 
@@ -394,11 +341,11 @@ def forward(
                     if bound < upper:
                         memory.cost[state] = total
                         memory.came_by[state] = heading
-                        size = _put(keys, items, position, size, bound, state)
+                        size = put(keys, items, position, size, bound, state)
             if size == 0:
                 break
             state = items[0]
-            size = _take(keys, items, position, size)
+            size = take(keys, items, position, size)
             expanded += 1
             cell, heading = state // moves, state % moves + 1
             if policies[leader, cell, heading - 1] == 0:

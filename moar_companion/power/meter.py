@@ -219,8 +219,7 @@ def _flight_w(local: LocalPosition | None, now_s: float, model: PowerModel) -> f
     north_mps, east_mps, down_mps = local.velocity_ned_mps
     if not all(map(math.isfinite, local.velocity_ned_mps)):
         return model.hover_w
-    level_mps = math.hypot(north_mps, east_mps)
-    return model.power_w(level_mps, -down_mps)
+    return model.power_w(math.hypot(north_mps, east_mps), -down_mps)
 
 
 def _mean_currents(
@@ -327,8 +326,7 @@ def _measured(
     """
     if not flight_w or not elapsed_s:
         return meter.factor, meter.source, meter.prior, meter.recent_wh, meter.drawn_wh
-    recent_wh, used_wh = meter.recent_wh, meter.drawn_wh
-    prior = meter.prior
+    recent_wh, used_wh, prior = meter.recent_wh, meter.drawn_wh, meter.prior
     by_current = drawn_w is not None and drawn_w >= _LEAST_RATIO * flight_w
     if drawn_w is not None and by_current:
         if not recent_wh:

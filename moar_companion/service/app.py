@@ -21,7 +21,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from .. import pilot_texts
+from .. import service_texts
 from ..companion.companion import Companion
 from ..companion.intake import Arrival
 from ..companion.status import LatestDecisions
@@ -217,7 +217,7 @@ class Service:
             _logger.info("planner ready")
             notify("STATUS=planner ready")
         elif progress is not None:
-            words = pilot_texts.COMPILING(parts=progress[0], total=progress[1])
+            words = service_texts.COMPILING(parts=progress[0], total=progress[1])
             self._companion.await_planner(words)
             _logger.info("%s", words)
             notify(f"STATUS={words}")
@@ -354,7 +354,7 @@ class Service:
         ended = None if self._recorder is None else self._recorder.ended
         if ended is None:
             return faults
-        reason = pilot_texts.RECORDING_ENDED(fault=words(ended))
+        reason = service_texts.RECORDING_ENDED(fault=words(ended))
         return (*faults, FileFault(reason=reason, action="flying on"))
 
     def _status_now(self) -> dict[str, Any]:

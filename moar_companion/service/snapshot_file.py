@@ -14,7 +14,7 @@ import logging
 import os
 from pathlib import Path
 
-from .. import pilot_texts
+from .. import service_texts
 from ..companion.mission_snapshot import MissionSnapshot, decoded, encoded
 from ..config import CompanionConfig
 from ..outlets.background_writer import BackgroundWriter, Batches
@@ -62,7 +62,7 @@ class SnapshotFile:
         except OSError as error:
             _logger.warning("%s: not read: %s", self._path, error.strerror)
             self._load_fault = FileFault(
-                reason=pilot_texts.STATE_UNREADABLE(), action="starting idle"
+                reason=service_texts.STATE_UNREADABLE(), action="starting idle"
             )
         except ValueError:
             aside = self._path.with_suffix(".broken")
@@ -70,7 +70,7 @@ class SnapshotFile:
             with contextlib.suppress(OSError):
                 self._path.replace(aside)
             self._load_fault = FileFault(
-                reason=pilot_texts.STATE_UNUSABLE(), action="starting idle"
+                reason=service_texts.STATE_UNUSABLE(), action="starting idle"
             )
         return None
 
@@ -91,7 +91,7 @@ class SnapshotFile:
             write_whole(self._path, data)
         except OSError as error:
             level = logging.WARNING if self._write_fault is None else logging.DEBUG
-            reason = pilot_texts.NO_STATE_FILE(fault=words(error))
+            reason = service_texts.NO_STATE_FILE(fault=words(error))
             self._write_fault = FileFault(reason=reason, action="restart goes idle")
             _logger.log(level, "%s: not written: %s", self._path, error.strerror)
             for path in (self._beside, self._path):

@@ -13,8 +13,6 @@ import sys
 import tempfile
 import webbrowser
 from collections.abc import Iterator
-from dataclasses import dataclass
-from datetime import datetime, timezone
 from pathlib import Path
 
 import yaml
@@ -24,8 +22,7 @@ from moar_companion.errors import InputError
 from moar_companion.outlets.flight_picture import FlightStory, draw_flight
 from moar_companion.outlets.perceived_picture import SeenStory, draw_perceived
 from moar_companion.planner.maps import build_maps
-from moar_companion.site import PlanePoint, Site
-from moar_companion.types import Mission
+from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic
 from sitl.scenario import Scenario
@@ -36,60 +33,31 @@ from .flight_folder import gather, link_latest, make_folder
 from .judge import judge, read_truth
 from .manners import MANNERS
 from .mqtt_reader import MqttReader
-from .operator import EVACUATION, EXIT, Operator, OperatorError
-from .options import parser
+from .operator import Operator, OperatorError
 from .perceive import ADDED, GIVEN, Perceiving, Sightings, prepare
 from .processes import Process, free_ports, running
-from .real import RealError, RealOptions, autopilot_at, numbers_of, running_real
+from .real import RealError, RealOptions, numbers_of, running_real
 from .screen import Screen, open_screen, print_text
 from .script import LandingPoint, Script
+from .settings import ESCAPE_COMMANDS, Settings, landing_choices, landing_points, read_settings
 from .weather import Weather
 
-_SCENARIOS = Path(__file__).parents[1] / "scenarios"
 _VEHICLE = "x500.yaml"
 _VEHICLE_FILE = "vehicle.yaml"
 """Its name in the flight's folder."""
-_SITE = "315kv_double_circuit.yaml"
-_ESCAPE_COMMANDS = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
-"""The first mission for which a site has landing points is flown, unless another is requested."""
-_ALL = "all"
-_TOUR = "tour.yaml"
-"""The scenario of a user's own site, and of a flight with perception."""
 _ABOVE_M = 0.5
 """Least distance of the take-off's end above the least height."""
 _PERCEIVED = "perceived.png"
 _MQTT_VEHICLE = "demonstration"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """Values of the command line."""
-
-    headless: bool
-    autopilot: str
-    speed: float
-    site: Path
-    scenario: Path
-    out: Path
-    links_latest: bool
-    """True for a flight in `flights/`."""
-    landing: str | None
-    """`exit`, `evacuation:1` (a mission, and the index of its landing point), or `all`."""
-    mqtt: bool
-    real: Path | None
-    """PX4's build folder or ArduCopter's program; None: the fake."""
-    perceive: bool
-    """The service's site has rough places alone, and a lidar measures the true obstacles."""
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Fly; returns the exit status."""
     try:
-        settings = _settings(arguments)
+        settings = read_settings(arguments)
         site = Site.load(settings.site)
         Scenario.load(settings.scenario)
-        _check(site, settings.site)
-        _landing_choices(site, settings.landing)
+        settings.check(site)
         make_folder(settings.out)
         vehicle = _vehicle(settings, site)
         perceiving = None
@@ -125,42 +93,6 @@ def _failed(message: str, status: int) -> int:
     return status
 
 
-def _check(site: Site, path: Path) -> None:
-    """Check that the script can be flown on a site; InputError otherwise."""
-    if not site.targets or not any(site.landing_m.values()):
-        raise InputError(str(path), "", "must have targets and landing points to be flown")
-
-
-def _landing_choices(site: Site, wanted: str | None) -> list[tuple[Mission, int]]:
-    """The missions that end the flights and their landing points, -1 for any."""
-    missions = [mission for mission in _ESCAPE_COMMANDS if site.landing_m.get(mission)]
-    if wanted is None:
-        return [(missions[0], -1)]
-    if wanted == _ALL:
-        places: dict[PlanePoint, tuple[Mission, int]] = {}
-        for mission in missions:
-            for index, point in enumerate(site.landing_m[mission]):
-                places.setdefault(point, (mission, index))
-        return list(places.values())
-    name, _, number = wanted.partition(":")
-    chosen = next((mission for mission in missions if mission.value == name), None)
-    points = () if chosen is None else site.landing_m[chosen]
-    if chosen is not None and not number:
-        return [(chosen, -1)]
-    if chosen is None or not (number.isascii() and number.isdigit() and int(number) < len(points)):
-        allowed = [
-            f"{mission.value}[:N], N < {len(site.landing_m[mission])}" for mission in missions
-        ]
-        raise InputError("--landing", "", f"is {wanted!r}, must be {' or '.join([*allowed, _ALL])}")
-    return [(chosen, int(number))]
-
-
-def _points(site: Site, mission: Mission, index: int) -> tuple[PlanePoint, ...]:
-    """The landing points that an order allows."""
-    points = site.landing_m[mission]
-    return points if index < 0 else (points[index],)
-
-
 def _height_m(site: Site) -> float:
     """The height of the take-off: of the site's start."""
     space = site.workspace
@@ -182,34 +114,6 @@ def _vehicle(settings: Settings, site: Site) -> Vehicle:
     file = settings.out / _VEHICLE_FILE
     file.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
     return Vehicle.load(file)
-
-
-def _settings(arguments: list[str] | None) -> Settings:
-    read = parser().parse_args(arguments)
-    real = None if read.real is None else read.real.resolve()
-    autopilot = read.autopilot or "px4"
-    if real is not None:
-        autopilot = autopilot_at(real)
-        if read.autopilot not in {None, autopilot}:
-            raise RealError(f"--real {real} is {autopilot}, not --autopilot {read.autopilot}")
-    calm = read.perceive or read.site is not None
-    usual = _TOUR if calm else MANNERS[autopilot].scenario
-    landing = read.landing or (None if read.site is None else _ALL)
-    scenario = read.scenario or _SCENARIOS / usual
-    started = datetime.now(tz=timezone.utc).strftime("%Y%m%dT%H%M%SZ")
-    return Settings(
-        headless=read.headless,
-        autopilot=autopilot,
-        mqtt=read.mqtt,
-        real=real,
-        speed=read.speed,
-        site=(read.site or shipped_configs() / "sites" / _SITE).resolve(),
-        scenario=scenario.resolve(),
-        out=(read.out or Path("flights") / started).resolve(),
-        links_latest=read.out is None,
-        landing=landing,
-        perceive=read.perceive,
-    )
 
 
 def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str | None:
@@ -296,11 +200,11 @@ def _landings(site: Site, wanted: str | None, vehicle: Vehicle) -> tuple[Landing
     return tuple(
         LandingPoint(
             name=mission.value,
-            mission=_ESCAPE_COMMANDS[mission],
+            mission=ESCAPE_COMMANDS[mission],
             index=index,
-            above_m=_points(site, mission, index)[0][1] + above_m,
+            above_m=landing_points(site, mission, index)[0][1] + above_m,
         )
-        for mission, index in _landing_choices(site, wanted)
+        for mission, index in landing_choices(site, wanted)
     )
 
 
@@ -382,7 +286,7 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
         return 1
     story = FlightStory.read(settings.out / "decisions.jsonl")
     flight = read_truth(truth, site)
-    landings = [_points(site, *choice) for choice in _landing_choices(site, settings.landing)]
+    landings = [landing_points(site, *choice) for choice in landing_choices(site, settings.landing)]
     verdict = judge(flight, site, vehicle.radius_m, story.landing_legs_m, landings)
     picture = settings.out / "flight.png"
     flown = [(row.position_m[0], row.position_m[2]) for row in flight if not row.on_ground]

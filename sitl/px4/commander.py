@@ -12,7 +12,7 @@ from typing import Final
 from sitl.parameters import Parameters
 from sitl.px4 import texts
 from sitl.px4.contact import Contact
-from sitl.px4.failsafe import Action, Charge, Flags, due
+from sitl.px4.failsafe import Action, Charge, Flags, charge_of, due
 from sitl.px4.fence import Geofence
 from sitl.px4.flight import FlightTasks
 from sitl.px4.link_loss import LinkLosses
@@ -93,16 +93,14 @@ class Commander:
     @property
     def stream_alive(self) -> bool:
         """True while offboard setpoints come within the time-out."""
-        return self._parts.stream.alive(
-            self._parts.world.now_us, self._parts.parameters.value("COM_OF_LOSS_T")
-        )
+        parts = self._parts
+        return parts.stream.alive(parts.world.now_us, parts.parameters.value("COM_OF_LOSS_T"))
 
     @property
     def sticks_present(self) -> bool:
         """True while a pilot's input arrives."""
-        return self._parts.sticks.present(
-            self._parts.world.now_us, self._parts.parameters.value("COM_RC_LOSS_T")
-        )
+        parts = self._parts
+        return parts.sticks.present(parts.world.now_us, parts.parameters.value("COM_RC_LOSS_T"))
 
     def can_run(self, mode: Mode) -> bool:
         """Return True if the requirements of a mode are met."""
@@ -229,7 +227,8 @@ class Commander:
             self._pilot()
             self._disarm_by_itself(now_us)
             if self.armed:
-                self._judge_fence(now_us)
+                for text in parts.fence.step(now_us):
+                    parts.text_sender.send(texts.CRITICAL, text)
                 self._failsafe(now_us)
         elif self.failsafe is not None and self._recovered():
             self._failsafe(now_us)
@@ -258,34 +257,17 @@ class Commander:
 
     def _judge_battery(self) -> None:
         parts = self._parts
-        fraction, value = parts.world.battery.fraction, parts.parameters.value
-        charge = Charge.OK
-        for name, level in (
-            ("BAT_LOW_THR", Charge.LOW),
-            ("BAT_CRIT_THR", Charge.CRITICAL),
-            ("BAT_EMERGEN_THR", Charge.EMERGENCY),
-        ):
-            if fraction < value(name):
-                charge = level
+        charge = charge_of(parts.world.battery.fraction, parts.parameters)
         if charge is self.charge:
             return
         worse = charge > self.charge
         self.charge = charge
         if worse:
-            severity, text = {
-                Charge.LOW: (texts.CRITICAL, "Low battery"),
-                Charge.CRITICAL: (texts.CRITICAL, "Critical battery"),
-                Charge.EMERGENCY: (texts.EMERGENCY, "Emergency battery level"),
-            }[charge]
+            severity, text, number, levels = texts.BATTERY[charge]
             parts.text_sender.send(severity, text)
-            number, levels = texts.BATTERY[charge]
             parts.text_sender.event(number, levels, bytes.fromhex("ffffffff0b"))
         else:
             self._overridden = min(self._overridden, charge)
-
-    def _judge_fence(self, now_us: int) -> None:
-        for text in self._parts.fence.step(now_us):
-            self._parts.text_sender.send(texts.CRITICAL, text)
 
     def _judge_health(self) -> None:
         nav = self._parts.navigation

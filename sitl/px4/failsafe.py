@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
+from sitl.parameters import Parameters
 from sitl.px4 import fence
 from sitl.px4.modes import AUTO_MODES, Mode
 
@@ -34,6 +35,19 @@ class Charge(IntEnum):
     LOW = 2
     CRITICAL = 3
     EMERGENCY = 4
+
+
+_CHARGE_LIMITS: Final = {
+    "BAT_LOW_THR": Charge.LOW,
+    "BAT_CRIT_THR": Charge.CRITICAL,
+    "BAT_EMERGEN_THR": Charge.EMERGENCY,
+}
+
+
+def charge_of(fraction: float, parameters: Parameters) -> Charge:
+    """Return the charge state of what is left in the battery, 0 to 1."""
+    passed = [level for name, level in _CHARGE_LIMITS.items() if fraction < parameters.value(name)]
+    return passed[-1] if passed else Charge.OK
 
 
 class Cause(IntEnum):

@@ -7,7 +7,7 @@ import struct
 from typing import Final
 
 from sitl.links import Link, Router
-from sitl.px4.failsafe import Cause
+from sitl.px4.failsafe import Cause, Charge
 from sitl.px4.modes import Mode
 from sitl.wire import layout, status_texts
 from sitl.world import World
@@ -23,8 +23,12 @@ RETURN_START, RETURN_LAND = 22161044, 16962474
 FAILSAFE, FAILSAFE_CAUSED, FAILSAFE_HOLD = 31382480, 26528394, 30481910
 FAILSAFE_DISENGAGED = 29547634
 PILOT_TOOK_OVER, MODE_UNAVAILABLE = 18523838, 27280279
-BATTERY = {2: (21826980, 0x22), 3: (19404811, 0x22), 4: (28121863, 0x00)}
-"""By charge state: number and log levels."""
+BATTERY = {
+    Charge.LOW: (CRITICAL, "Low battery", 21826980, 0x22),
+    Charge.CRITICAL: (CRITICAL, "Critical battery", 19404811, 0x22),
+    Charge.EMERGENCY: (EMERGENCY, "Emergency battery level", 28121863, 0x00),
+}
+"""Severity and text; number and log levels of the event."""
 ARMING_SUMMARY, NO_LOCAL_POSITION, NO_GLOBAL_POSITION = 27825120, 30612409, 26788467
 NO_MISSION, NO_OFFBOARD_SIGNAL, NO_STICKS = 17154777, 19865031, 17231145
 HEALTH_SUMMARY = 18691879

@@ -21,9 +21,17 @@ class Pair(NamedTuple):
     {fields[0]}: float
     {fields[1]}: float
 """
+CALLED = """
+from moar_companion.planner.jit import F8, jit
+
+@jit(F8, F8)
+def scaled(value):
+    return {factor} * value
+"""
 KERNELS = """
 from elsewhere import LIMIT, Pair
 from moar_companion.planner.jit import F8, fields, jit
+from called import scaled
 
 PAIR = fields(Pair, F8, F8)
 
@@ -33,15 +41,16 @@ def beyond(value):
 
 @jit(F8, PAIR)
 def difference(pair):
-    return beyond(pair.first) - pair.second
+    return scaled(beyond(pair.first) - pair.second)
 
 print(difference(Pair(**{"first": 5.0, "second": 2.0})))
 """
 
 
 @pytest.mark.slow
-def test_kernels_are_compiled_again_if_layouts_or_constants_of_other_files_change(tmp_path):
-    def run(limit, *fields):
+def test_kernels_are_compiled_again_if_what_they_take_from_other_files_changes(tmp_path):
+    def run(limit, *fields, factor=1.0):
+        (tmp_path / "called.py").write_text(CALLED.format(factor=factor), encoding="utf-8")
         source = ELSEWHERE.format(limit=limit, fields=fields)
         (tmp_path / "elsewhere.py").write_text(source, encoding="utf-8")
         checkout = Path(moar_companion.__file__).parents[1]
@@ -65,6 +74,7 @@ def test_kernels_are_compiled_again_if_layouts_or_constants_of_other_files_chang
     assert sorted((tmp_path / "cache").rglob("*.nbc")) == compiled
     assert run(1.0, "second", "first") == 2.0, "the fields have changed places"
     assert run(3.0, "first", "second") == 0.0, "what a called kernel knows has changed"
+    assert run(1.0, "first", "second", factor=4.0) == 8.0, "a called kernel has changed"
 
 
 CACHED = """

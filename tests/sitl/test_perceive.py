@@ -19,6 +19,7 @@ from sitl.demonstration.perceive import (
     lidar_scene,
     prepare,
 )
+from sitl.demonstration.settings import read_settings
 from sitl.lidar_scene import PlacedScene
 from tests.flights.lockstep import as_simulated
 from tests.flights.operator import Manner
@@ -143,7 +144,7 @@ def test_each_sighting_is_printed_once():
 
 
 def test_the_scan_plane_stands_across_the_line_throughout(tmp_path):
-    settings = demonstration._settings(["--perceive", "--out", str(tmp_path)])
+    settings = read_settings(["--perceive", "--out", str(tmp_path)])
     flown = demonstration._vehicle(settings, SITE)
     assert flown.guidance.yaw_mode.value == "fixed"
     assert flown.guidance.fixed_yaw_rad == pytest.approx(math.radians(SITE.frame.azimuth_deg))

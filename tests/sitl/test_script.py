@@ -15,6 +15,7 @@ from sitl.demonstration.judge import FlightTruth, judge
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import Operator
 from sitl.demonstration.script import Script
+from sitl.demonstration.settings import landing_choices, landing_points, read_settings
 from tests.flights.judging import assert_nothing_was_touched, in_plane
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import Manner
@@ -82,10 +83,7 @@ def verdict(flight, site, wanted):
         )
         for row in flight.truths[::5]
     ]
-    landings = [
-        demonstration._points(site, *mission)
-        for mission in demonstration._landing_choices(site, wanted)
-    ]
+    landings = [landing_points(site, *mission) for mission in landing_choices(site, wanted)]
     radius_m = flight.vehicle.radius_m
     return judge(truth, site, radius_m, story.landing_legs_m, landings)
 
@@ -159,19 +157,17 @@ def test_the_landing_points_are_flown_in_the_order_of_the_site_each_place_once(w
     site = replace(
         site, landing_m={mission: THREE_LANDINGS[mission.value] for mission in site.landing_m}
     )
-    choices = [
-        (mission.value, index) for mission, index in demonstration._landing_choices(site, wanted)
-    ]
+    choices = [(mission.value, index) for mission, index in landing_choices(site, wanted)]
     assert choices == orders
 
 
 def test_a_site_of_the_users_is_flown_whole_and_in_calm(tmp_path):
     site = str(shipped_configs() / "sites" / "120kv_single_circuit.yaml")
-    usual = demonstration._settings(["--out", str(tmp_path)])
+    usual = read_settings(["--out", str(tmp_path)])
     assert (usual.landing, usual.scenario.name) == (None, "wind_then_battery.yaml")
     assert demonstration._battery_falls(usual.scenario)
-    own = demonstration._settings(["--out", str(tmp_path), "--site", site])
+    own = read_settings(["--out", str(tmp_path), "--site", site])
     assert (own.landing, own.scenario.name) == ("all", "tour.yaml")
     assert not demonstration._battery_falls(own.scenario)
-    asked = demonstration._settings(["--site", site, "--landing", "exit:0"])
+    asked = read_settings(["--site", site, "--landing", "exit:0"])
     assert asked.landing == "exit:0"
