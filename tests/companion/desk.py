@@ -26,10 +26,12 @@ from moar_companion.planning.map_jobs import MapAnswer, answer_map_job
 from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
+from sitl.wire import packets
 from tests.vehicles import named_vehicle
 
 from ..copies import copy_of
 from ..mavlink.peer import Peer
+from ..packets import Packet
 
 LINK = "udp:127.0.0.1:14540"
 STEP_S = 0.02
@@ -109,7 +111,6 @@ _MACHINES = {
     "planners",
     "site",
     "vehicle",
-    "_codec",
 }
 """Parts of a desk before its start: equal for desks whose other attributes are equal."""
 _came = {}
@@ -201,7 +202,6 @@ class Desk:
         """(time, link, message) of every message that the companion sent."""
         self.decisions = []
         self.raw = b""
-        self._codec = mavlink.MAVLink(None)
         self._answers = deque()
         self._in_the_air = deque()
         self._count = 0
@@ -265,35 +265,39 @@ class Desk:
         self.decisions += self.companion.decisions()
         for link, data in self.companion.data_to_send():
             self.raw += data
-            for message in self._codec.parse_buffer(data) or []:
+            for packet in packets(data):
+                message = Packet(packet)
                 self.sent.append((self.now_s, link, message))
-                if message.get_type() == "PARAM_REQUEST_READ":
-                    self.report_parameter(message.param_id)
-                if message.get_type() == "MISSION_REQUEST_LIST":
-                    count = mavlink.MAVLink_mission_count_message(
-                        1, 195, self.fence_items, message.mission_type
+                self._take_sent(message)
+
+    def _take_sent(self, message):
+        """The autopilot's answer to a message, or its flight."""
+        match message.get_type():
+            case "SET_POSITION_TARGET_LOCAL_NED" if self.mode == self.ours:
+                self.position_ned_m = tuple(
+                    wanted - off + behind
+                    for wanted, off, behind in zip(
+                        (message.x, message.y, message.z),
+                        self.estimate_off_ned_m,
+                        self.behind_ned_m,
+                        strict=True,
                     )
-                    self.handle(self.autopilot.pack(count))
-                asked = message.get_type() == "TIMESYNC" and message.tc1 == 0
-                if asked and "TIMESYNC" not in self.mute:
-                    clock_ns = round(self.boot_s * 1e9)
-                    answer = mavlink.MAVLink_timesync_message(clock_ns, message.ts1)
-                    self._in_the_air.append((self.now_s, self.autopilot.pack(answer)))
-                for_mode = message.get_type() == "COMMAND_LONG" and message.command == DO_SET_MODE
-                if for_mode and "COMMAND_ACK" not in self.mute:
-                    ack = mavlink.MAVLink_command_ack_message(DO_SET_MODE, ACCEPTED, 0, 0, 1, 195)
-                    self._in_the_air.append((self.now_s, self.autopilot.pack(ack)))
-                setpoint = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
-                if setpoint and self.mode == self.ours:
-                    self.position_ned_m = tuple(
-                        wanted - off + behind
-                        for wanted, off, behind in zip(
-                            (message.x, message.y, message.z),
-                            self.estimate_off_ned_m,
-                            self.behind_ned_m,
-                            strict=True,
-                        )
-                    )
+                )
+            case "PARAM_REQUEST_READ":
+                self.report_parameter(message.param_id)
+            case "MISSION_REQUEST_LIST":
+                count = mavlink.MAVLink_mission_count_message(
+                    1, 195, self.fence_items, message.mission_type
+                )
+                self.handle(self.autopilot.pack(count))
+            case "TIMESYNC" if message.tc1 == 0 and "TIMESYNC" not in self.mute:
+                answer = mavlink.MAVLink_timesync_message(round(self.boot_s * 1e9), message.ts1)
+                self._in_the_air.append((self.now_s, self.autopilot.pack(answer)))
+            case "COMMAND_LONG" if (
+                message.command == DO_SET_MODE and "COMMAND_ACK" not in self.mute
+            ):
+                ack = mavlink.MAVLink_command_ack_message(DO_SET_MODE, ACCEPTED, 0, 0, 1, 195)
+                self._in_the_air.append((self.now_s, self.autopilot.pack(ack)))
 
     def _autopilot_says(self):
         boot_ms = round(self.boot_s * 1000)

@@ -36,6 +36,7 @@ from sitl.wire import packet_header, packets
 from tests.vehicles import named_vehicle
 
 from ..copies import flown_once
+from ..packets import decoded
 from .aircraft import Aircraft, in_the_air
 from .lidar_on_board import LidarOnBoard
 from .operator import Manner
@@ -79,19 +80,11 @@ class Setpoint:
 
     @cached_property
     def message(self) -> Any:
-        return message_of(self.packet)
+        return decoded(self.packet)
 
     @cached_property
     def aircraft(self) -> Any:
-        return None if self.position is None else message_of(self.position)
-
-
-_CODEC = mavlink.MAVLink(None)
-
-
-def message_of(packet: bytes) -> Any:
-    """The message of a packet. Few are looked at: they are decoded when a test asks for them."""
-    return _CODEC.decode(bytearray(packet))
+        return None if self.position is None else decoded(self.position)
 
 
 class Lockstep(Aircraft):

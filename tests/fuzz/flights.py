@@ -36,8 +36,9 @@ from sitl.wire import packet_header, packets
 from ..benchmarks.soak import anonymous_mb, forget
 from ..copies import flown_once
 from ..flights import judging
-from ..flights.lockstep import COMPANION_LINK, Lockstep, message_of
+from ..flights.lockstep import COMPANION_LINK, Lockstep
 from ..flights.operator import EXIT, INSPECTION, Manner
+from ..packets import decoded
 from .frames import OURS, Shape, frame, hostile_payload, nearly_frames, shape_of
 
 LONGEST_MS = 50.0
@@ -130,7 +131,7 @@ class FuzzedFlight(Lockstep):
             self.last[number] = packet
             if number == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
                 self._position = packet
-                self.boot_s = message_of(packet).time_boot_ms * 1e-3
+                self.boot_s = decoded(packet).time_boot_ms * 1e-3
         self.companion.receive(COMPANION_LINK, data, self.now_s, AUTOPILOT)
 
     def fly_on(self, pick: Random) -> None:

@@ -9,8 +9,10 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from sitl.autopilot import FakeAutopilot, Options
+from sitl.wire import packets
 
 from ..copies import copy_of
+from ..packets import Packet
 
 OFFBOARD, HOLD, POSCTL, LAND, RTL = (6, 0), (4, 3), (3, 0), (4, 6), (4, 5)
 POSITION_VELOCITY_YAW = 0x9C0
@@ -25,7 +27,6 @@ class Peer:
         self.vehicle = vehicle
         self.link = link
         self.mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
-        self.mav.robust_parsing = True
         self.received = []
         self.raw_bytes = 0
 
@@ -42,8 +43,7 @@ class Peer:
 
     def take(self, data, now_s):
         self.raw_bytes += len(data)
-        for message in self.mav.parse_buffer(data) or []:
-            self.received.append((now_s, message))
+        self.received += [(now_s, Packet(packet)) for packet in packets(data)]
 
     def of(self, kind, *, since=0.0, until=math.inf):
         return [m for t, m in self.received if m.get_type() == kind and since <= t <= until]
