@@ -103,7 +103,7 @@ def test_a_name_with_blanks_is_quoted_in_the_key(tmp_path: Path) -> None:
         ("name:a\nstart: 3", "is not YAML: line 2, column 6: found a colon out of place, must be"),
         ("name:a\n# here\nstart: 3", "is not YAML: line 3, column 1: found a key after text, must"),
         (f"a: &a [{'1, ' * 999}1]\nb: [{'*a, ' * 999}*a]", "has more than 100000 values, aliases"),
-        ("[" * 20_000, "is nested too deeply"),
+        pytest.param("[" * 20_000, "is nested too deeply", marks=pytest.mark.slow),
         ("#" * 1_000_001, "is larger than 1000000 bytes"),
     ],
 )

@@ -125,7 +125,9 @@ def step(
 ) -> tuple[Watches, Ruling]:
     """Runs one cycle on the causes. table: CONDITIONS, or the result of `conditions`."""
     after = tuple(
-        _watched(condition, watch, getattr(causes, condition.name), now_s)
+        watch
+        if (cause := getattr(causes, condition.name)) is None and watch is _HEALTHY
+        else _watched(condition, watch, cause, now_s)
         for condition, watch in zip(table, watches, strict=True)
     )
     return after, ruling(after, table)

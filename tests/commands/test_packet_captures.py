@@ -205,6 +205,7 @@ class TestOfAnOuster:
         assert "has no data packets of an Ouster" in refusal(file, metadata, None)
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 @pytest.mark.skipif(not FOLDER.exists(), reason=f"no packet captures at {FOLDER}")
 def test_a_real_velodynes_turns_are_those_of_the_reference_reader(tmp_path):

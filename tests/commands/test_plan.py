@@ -130,6 +130,7 @@ def test_the_weights_of_the_vehicle_are_those_of_the_mission(plan):
     assert plan(mission="evacuation")["weights"]["safety"] == pytest.approx(0.6)
 
 
+@pytest.mark.slow
 def test_the_alternatives_are_listed_and_drawn(plan, site, tmp_path, capsys):
     options = ("--target", "splice-inner", "--risk", "wind=0.5")
     alone = plan(*options)
@@ -155,7 +156,9 @@ def test_the_alternatives_are_listed_and_drawn(plan, site, tmp_path, capsys):
     assert "wind 1, communication 1, localization 1: " in out
 
 
-@pytest.mark.parametrize("mission", ["inspection", "exit", "evacuation"])
+@pytest.mark.parametrize(
+    "mission", [pytest.param("inspection", marks=pytest.mark.slow), "exit", "evacuation"]
+)
 def test_the_refined_path_is_printed_and_drawn_beside_the_plan(
     mission, plan, site, tmp_path, capsys
 ):
@@ -260,6 +263,7 @@ def test_the_target_is_a_name_or_the_index_of_a_landing_point(plan):
     assert plan(mission="evacuation")["target"] is None
 
 
+@pytest.mark.slow
 def test_all_files_are_written(site, tmp_path, capsys):
     outputs = {option: tmp_path / f"out.{option}" for option in ("json", "maps")}
     outputs |= {"plot": tmp_path / "out.png", "pareto-plot": tmp_path / "front.png"}

@@ -84,6 +84,7 @@ def test_every_format_gives_the_same_site(ending, cloud, at, tmp_path, capsys):
     assert site.frame.origin.altitude_amsl_m == pytest.approx(200.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_the_coordinate_system_turns_the_plane_to_true_north(cloud, scene, at, tmp_path):
     pyproj = pytest.importorskip("pyproj")
     offset = np.array([228_900.0, 578_400.0, 0.0])
@@ -122,6 +123,7 @@ def test_the_file_is_checked_and_planned_on(cloud, at, tmp_path, capsys):
     assert "FILES OK" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_picture_shows_wires_ground_and_the_plane(cloud, at, tmp_path):
     out, plot = tmp_path / "site.yaml", tmp_path / "site.png"
     arguments = ("--at", at, "--origin", ORIGIN, "--out", out, "--plot", plot)

@@ -129,6 +129,7 @@ def test_an_escape_route_that_the_operator_orders_is_flown_instead_of_the_superv
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
 
 
+@pytest.mark.slow
 def test_escape_routes_without_a_plan_hold_until_there_is_one_and_are_reported_seldom():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.plan_delay_s = None
@@ -299,6 +300,7 @@ def test_an_operators_exit_is_not_reported_as_the_supervisors_evacuation():
     assert desk.texts().count("MOAR: battery 0 is critical, evacuating") == 1
 
 
+@pytest.mark.slow
 def test_a_battery_that_falls_silent_is_no_battery_for_another_inspection():
     desk = Desk().set(battery_percent=22).come_to("flying", then_s=2.0)
     desk.mute = {"BATTERY_STATUS"}
@@ -314,6 +316,7 @@ def test_a_battery_that_falls_silent_is_no_battery_for_another_inspection():
     assert desk.answers()[-1] == ACCEPTED
 
 
+@pytest.mark.slow
 def test_a_battery_stays_critical_when_only_a_summary_without_its_charge_state_arrives():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(charge_state=3).run(3.0).pause().run_until("holding", 1.0)

@@ -176,6 +176,7 @@ def test_an_offer_that_ends_has_sent_only_setpoints_at_rest(way):
     assert desk.state == "idle"
 
 
+@pytest.mark.slow
 def test_a_landing_by_the_autopilot_follows_a_setpoint_at_rest():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=3.0)
     assert [request.param3 for request in desk.mode_requests()][-1] == 6

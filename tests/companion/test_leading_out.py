@@ -115,6 +115,7 @@ def test_an_exit_without_room_is_replaced_by_an_evacuation():
     assert desk.companion.status.task.flown
 
 
+@pytest.mark.slow
 def test_a_landing_point_without_room_is_replaced_by_another_one():
     desk = desk_on_site(gapped(), east_m=-15.0).come_to("ready")
     desk.order(EVACUATION, 1.0).run(0.5).say_heartbeat(desk.ours).run(3.0)

@@ -147,6 +147,7 @@ def test_ardupilots_guided_is_requested_once():
     assert requests == [(1, 1, 1, 4, 0)]
 
 
+@pytest.mark.slow
 def test_ardupilots_landing_is_requested_above_the_landing_point():
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to(
         "holding", EXIT, then_s=2.0
@@ -212,6 +213,7 @@ def test_after_an_ordered_hold_no_landing_is_requested(autopilot, hold):
     assert not desk.mode_requests()
 
 
+@pytest.mark.slow
 def test_a_mission_ordered_above_the_landing_point_is_not_ended_by_the_landing():
     usual = usual_planner()
     inside = dict.fromkeys((Mission.EXIT, Mission.EVACUATION), ((27.0, 2.5),))
@@ -224,6 +226,7 @@ def test_a_mission_ordered_above_the_landing_point_is_not_ended_by_the_landing()
     assert not desk.mode_requests()
 
 
+@pytest.mark.slow
 def test_a_mission_that_is_denied_above_the_landing_point_leaves_the_landing_request_on():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
     desk.plan_delay_s = 2.5
@@ -291,6 +294,7 @@ def test_no_landing_is_requested_beside_the_landing_point():
     assert len(desk.mode_requests()) > 1
 
 
+@pytest.mark.slow
 def test_without_engage_the_pilot_lands():
     desk = Desk().come_to("holding", EXIT, then_s=5.0)
     assert not desk.mode_requests()

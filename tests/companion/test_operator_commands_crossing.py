@@ -202,7 +202,7 @@ def test_a_plan_that_comes_too_late_to_be_joined_is_made_again_from_rest(delay_s
     assert "at_target" not in [change["state"] for change in desk.decided("state")]
 
 
-@pytest.mark.parametrize("mission", [EXIT, EVACUATION])
+@pytest.mark.parametrize("mission", [pytest.param(EXIT, marks=pytest.mark.slow), EVACUATION])
 def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_reached_its_end(mission):
     desk = Desk(authority=Authority.ENGAGE).come_to("at_target").order(mission).run(4.0)
     assert desk.state == "flying"
@@ -216,6 +216,7 @@ def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_reached_its_end(
 # The end of the mission -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_above_the_landing_point_continue_is_rejected():
     desk = Desk().come_to("holding", EXIT, then_s=2.0).go_on().run(0.5)
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [TEMPORARILY_REJECTED])

@@ -29,6 +29,7 @@ def test_a_position_whose_clock_stands_still_is_stale(state):
     assert desk.said("position age 0.5")
 
 
+@pytest.mark.slow
 def test_an_aircraft_that_stops_following_is_reported_and_so_is_its_recovery():
     desk = Desk(height_m=5.0).come_to("flying", EXIT, then_s=2.0)
     desk.fall_behind(0.0, 1.7, 0.0).run(5.0)

@@ -199,6 +199,7 @@ def test_a_plan_that_needs_more_of_the_margin_is_flown_though_its_path_is_flown_
     assert len(plans(desk.run(0.1))) == (2 if narrowed_m else 1)
 
 
+@pytest.mark.slow
 def test_a_plan_that_comes_in_the_cycle_in_which_its_wait_is_over_is_flown():
     late, steps = Desk().come_to("flying").set(plan_delay_s=None), 0
     while late.state == "flying":

@@ -49,6 +49,7 @@ def test_after_a_crash_nothing_is_streamed_though_the_mode_is_still_on(resume):
     ]
 
 
+@pytest.mark.slow
 def test_continue_flies_the_remaining_mission_as_an_order():
     desk = desk_after(mode=AUTO_HOLD).run(1.2).go_on().run_until("ready")
     assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]

@@ -210,6 +210,7 @@ def test_a_ground_station_and_a_camera_do_not_count_as_autopilots():
     assert desk.state == "flying"
 
 
+@pytest.mark.slow
 def test_the_hold_is_offered_for_thirty_seconds():
     desk = Desk().come_to("ready")
     began = desk.now_s
@@ -225,6 +226,7 @@ def test_the_hold_is_offered_for_thirty_seconds():
     assert desk.said("the mode was not given")
 
 
+@pytest.mark.slow
 def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_received():
     desk = Desk().come_to("ready")
     began = desk.now_s

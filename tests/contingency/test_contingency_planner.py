@@ -143,6 +143,7 @@ def test_past_the_point_of_no_return_an_escape_route_alone_is_accepted():
     assert desk.answers()[-1] == ACCEPTED
 
 
+@pytest.mark.slow
 def test_a_silent_battery_does_not_delay_the_point_of_no_return():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=13)
     desk.come_to("flying", then_s=4.0)
@@ -260,7 +261,9 @@ def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
     assert desk.companion.risk.indices.battery >= before - 0.01
 
 
-@pytest.mark.parametrize("planner", ["has no way", "is silent"])
+@pytest.mark.parametrize(
+    "planner", [pytest.param("has no way", marks=pytest.mark.slow), "is silent"]
+)
 def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=4.5)  # just after a round of requests, not just before one
@@ -282,6 +285,7 @@ def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     assert desk.said(" s <= 60, exiting")
 
 
+@pytest.mark.slow
 def test_an_exit_beyond_the_battery_is_replaced_by_an_evacuation():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=80).come_to("flying", then_s=4.0)

@@ -42,7 +42,9 @@ FORMS = {
     "a page of the web": (b"<!DOCTYPE html>\n<p>404</p>\n", "is '<!DOCTYPE html> <p>404</p>'"),
     "a recording": (b"\0\6\x44\x0c\xfd" * 100, "is not UTF-8 text (byte 4)"),
     "a table": (b"x_m,z_m\n1,2\n", "is 'x_m,z_m 1,2', must be a mapping"),
-    "nested deeply": (b"name: " + b"[" * 50_000, "is nested too deeply"),
+    "nested deeply": pytest.param(
+        b"name: " + b"[" * 50_000, "is nested too deeply", marks=pytest.mark.slow
+    ),
     "nested by blanks": (b"".join(b" " * i + b"a:\n" for i in range(1200)), "is nested too deeply"),
     "a bomb of aliases": (bomb("[1, 1, 1]", "[%s]"), "has more than 100000 values, aliases spelt"),
     "a bomb of merges": (

@@ -93,7 +93,7 @@ COMPANION, SIMULATOR, FLY = (
 DONE, ENDED = 0, 1
 LONG = sampled((0.4,), (0.0, 0.1, 0.4, 0.8, 1.1, 1.7))
 PROGRAMS = {
-    # title: module, arguments, moments of tests/run, signals
+    # title: module, arguments, moments (those before 1 s by tests/run), signals
     "plan": (COMPANION, plan, (0.0, 0.6), [signal.SIGINT]),
     "check": (COMPANION, check, (0.2,), [signal.SIGINT]),
     "replay": (COMPANION, replay, (0.6,), [signal.SIGINT]),
@@ -110,11 +110,13 @@ CASES = [
         number,
         delay_s,
         id=f"{title}, {number.name} after {delay_s} s",
-        marks=() if delay_s in quick and number is signals[0] else pytest.mark.slow,
+        marks=()
+        if delay_s in moments and delay_s < 1.0 and number is signals[0]
+        else pytest.mark.slow,
     )
-    for title, (module, arguments, quick, signals) in PROGRAMS.items()
+    for title, (module, arguments, moments, signals) in PROGRAMS.items()
     for number in signals
-    for delay_s in sorted({*quick, *LONG})
+    for delay_s in sorted({*moments, *LONG})
 ]
 
 

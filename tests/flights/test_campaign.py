@@ -307,6 +307,7 @@ def test_distances_are_those_of_another_library():
 # Drawn flights ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_there_are_enough_kinds_and_the_seeds_go_round_all_of_them():
     assert len(KINDS) >= 39
     drawn = {fault.kind for seed in range(1, 400) for fault in draw(seed).faults}

@@ -54,6 +54,7 @@ def fed_s(receiver, count):
     return times_s
 
 
+@pytest.mark.slow
 def test_the_watchdog_is_fed_twice_per_period_and_not_while_no_cycle_ends(tmp_path):
     with watched(tmp_path, WATCHDOG_USEC=f"{TIMEOUT_S * 1e6:.0f}") as (service, receiver):
         times_s = fed_s(receiver, 4)

@@ -274,7 +274,11 @@ def test_sent_packets_have_the_companions_ids_and_consecutive_numbers():
 
 @pytest.mark.recordings
 @pytest.mark.parametrize(
-    "name", ["px4/c1_wind_v118.companion.tlog", "ardupilot/a1_boot.companion.tlog"]
+    "name",
+    [
+        pytest.param("px4/c1_wind_v118.companion.tlog", marks=pytest.mark.slow),
+        "ardupilot/a1_boot.companion.tlog",
+    ],
 )
 def test_every_message_is_the_one_pymavlink_reads(recording, name):
     ours = new_codec()

@@ -60,6 +60,7 @@ def test_no_plan_is_a_picture_too(mission, start, status):
 
 
 FAR = "a landing point far away"
+MANY = "many conductors"
 SITES = {
     "no obstacles": replace(
         SITE, obstacles=(), targets=(replace(SITE.targets[0], position_m=(5.0, 5.0)),)
@@ -82,7 +83,7 @@ SITES = {
         workspace=Workspace(lower_m=(26.9, 2.4), upper_m=(27.1, 2.6), resolution_m=0.3),
         targets=(replace(SITE.targets[0], position_m=(27.0, 2.5)),),
     ),
-    "many conductors": replace(
+    MANY: replace(
         SITE,
         obstacles=tuple(
             Conductor(name=f"wire {x}-{z}", position_m=(5.0 + 0.4 * x, 8.0 + z), radius_m=0.02)
@@ -93,7 +94,9 @@ SITES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SITES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == MANY else ()) for name in SITES]
+)
 def test_any_site_can_be_drawn(name):
     mission = Mission.EXIT if name == FAR else Mission.INSPECTION
     _, content = drawn(SITES[name], mission=mission)
@@ -107,6 +110,7 @@ def test_drawings_for_print(file_format):
     assert content.lstrip().startswith({"svg": b"<?xml", "pdf": b"%PDF"}[file_format])
 
 
+@pytest.mark.slow
 def test_a_picture_ignores_the_settings_of_its_user():
     with rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
         _, changed = drawn(SITE, mission="exit")

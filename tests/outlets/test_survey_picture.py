@@ -3,6 +3,7 @@
 import io
 
 import numpy as np
+import pytest
 from matplotlib.image import imread
 
 from moar_companion.outlets.survey_picture import draw_survey, legend_of
@@ -61,6 +62,7 @@ def test_lone_points_are_counted_in_the_legend():
     assert labels(two)[-1] == "left out: 2 lone points"
 
 
+@pytest.mark.slow
 def test_a_tower_away_from_the_plane_is_crossed_out_in_all_three_views():
     with_tower = picture(SurveyView(document=DOCUMENT, marks=(LINE, TARGET, TOWER)))
     near = mark("tower", "T2", *TOWER.points_m)
@@ -80,6 +82,7 @@ def test_the_target_of_a_cloud_is_marked_in_the_plan_view():
     assert (rows < image.shape[0] / 3).sum() > 20
 
 
+@pytest.mark.slow
 def test_the_arrow_points_to_the_north():
     def tip(azimuth_deg):
         document = DOCUMENT | {"frame": {"azimuth_deg": azimuth_deg}}

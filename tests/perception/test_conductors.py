@@ -94,7 +94,7 @@ def test_a_conductor_is_found_through_the_crown_of_a_tree():
     assert conductor.confidence < conductors_of(clean)[0].confidence
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_twice_as_many_outliers_as_points_of_conductors(seed):
     scene = Scene(seed).with_wires(DOUBLE_CIRCUIT).with_ground()
     scene.with_outliers(2 * int((scene.label >= 0).sum()))
@@ -153,6 +153,7 @@ def test_an_earth_wire_of_a_point_every_five_metres_is_found_beside_the_others()
     assert len(span.earth_wires) == 1
 
 
+@pytest.mark.slow
 def test_the_same_seed_finds_the_same():
     scene = Scene(10).with_wires(DOUBLE_CIRCUIT).with_ground().with_outliers(3000)
     first, second = (find_power_line(scene.cloud, DetectorSettings(seed=4)) for _ in range(2))

@@ -52,6 +52,7 @@ def test_an_obstacle_is_occupied_within_half_a_second():
     assert covers(last(rig, 0.55), 5.05, 13.0)
 
 
+@pytest.mark.slow
 def test_an_obstacle_that_has_gone_is_cleared_within_three_seconds():
     rig = Rig(LidarScene(boxes=(WALL, CRANE)), HOVER)
     assert covers(last(rig, 1.5), 5.05, 13.0)
@@ -103,6 +104,7 @@ def test_points_of_conductors_are_not_in_the_solids():
     assert report.solids == ()
 
 
+@pytest.mark.slow
 def test_rain_is_no_obstacle():
     rig = Rig(LidarScene(rain_per_m=0.005), SWAYING)
     assert all(each.solids == () and each.conductors == () for each in rig.run(3.0))

@@ -22,7 +22,7 @@ pytestmark = [
     ("name", "spans"),
     [
         ("07CZ2_14_realonly", [([3, 3], 2), ([3, 3], 2)]),
-        ("12AN2_20_realonly", [([3, 3], 2)]),
+        pytest.param("12AN2_20_realonly", [([3, 3], 2)], marks=pytest.mark.slow),
     ],
 )
 def test_wires_of_a_real_line(name, spans):

@@ -61,6 +61,7 @@ def test_the_wires_of_a_bundle_do_not_hide_each_other():
     assert np.array(found) == pytest.approx(np.array([(5.0, 14.0), (5.4, 14.0)]), abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_swaying_aircraft_sees_each_conductor_once():
     noisy = {"velocity_mps": (1.5, 0.0, 0.0), "tilt_rad": 0.08, "position_noise_m": 0.08}
     rig = Rig(LidarScene(wires=LINE), Flight(at_m=(-5.0, 0.3, 15.0), **noisy))

@@ -165,6 +165,7 @@ def check_roadmap(problem, maps, answer, mask):
     assert off <= max(least(join, piece) + least(leave_here, piece) for piece in used) + 1e-4
 
 
+@pytest.mark.slow
 def test_the_voronoi_path_is_equidistant_but_for_its_connectors():
     for problem, planner, answer in random_answers("voronoi", BaselineKind.VORONOI, 40):
         maps = oracle.build_maps(problem.site, problem.vehicle)

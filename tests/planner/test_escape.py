@@ -88,6 +88,7 @@ def test_where_every_direction_is_closer_to_an_obstacle_there_is_no_escape_route
     assert escape(make_site(*walls), (4.5, 4.5)) is None
 
 
+@pytest.mark.slow
 def test_escape_legs_are_the_shortest_along_which_clearance_never_falls():
     rng = random.Random("escape")
     found = 0

@@ -93,7 +93,9 @@ def check_plan(problem, maps, goal, best, plan):
     return "found" if len(plan.states) > 1 else "already there"
 
 
-@pytest.mark.parametrize("batch", range(3))
+@pytest.mark.parametrize(
+    "batch", [0, *(pytest.param(batch, marks=pytest.mark.slow) for batch in (1, 2))]
+)
 def test_plans_are_the_optimum_of_a_plain_dijkstra(batch):
     rng = random.Random(f"optimality {batch}")
     outcomes = [check(random_problem(rng)) for _ in range(60)]

@@ -34,7 +34,7 @@ def region_of(site, landing=None, *, uncertainty=0.0, **vehicle):
     return {(int(x), int(z)) for x, z in np.argwhere(mask)}
 
 
-@pytest.mark.parametrize("batch", range(2))
+@pytest.mark.parametrize("batch", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_regions_agree_with_brute_force(batch):
     rng = random.Random(f"regions {batch}")
     seen = 0

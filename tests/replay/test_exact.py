@@ -76,6 +76,7 @@ def test_planted_differences_are_named_with_both_values_and_there_are_no_others(
     assert 0.0 < abs(float(four.recorded) - float(four.recomputed)) < 1e-5
 
 
+@pytest.mark.slow
 def test_a_missing_input_is_a_difference_between_the_flights(calls):
     received = [index for index, call in enumerate(calls) if call[0] == "receive"]
     fewer = [call for index, call in enumerate(calls) if index not in received[10:40]]

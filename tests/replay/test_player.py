@@ -468,6 +468,7 @@ def test_the_table_has_every_recording():
     assert set(RECORDED) == set(RECORDINGS)
 
 
+@pytest.mark.slow
 @pytest.mark.recordings
 @pytest.mark.skipif(not RECORDINGS, reason="no recordings beside the checkout")
 def test_in_px4s_battery_failsafe_the_battery_index_comes_before_the_failsafe():

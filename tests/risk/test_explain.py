@@ -67,6 +67,7 @@ def test_the_last_value_of_a_silent_source_is_held(flight):
     )
 
 
+@pytest.mark.slow
 def test_the_last_value_of_a_source_that_reports_unknown_is_held_with_its_age(flight):
     before = flight.sources["batteries"]
     flight.sources["batteries"] = lambda t: {0: replace(before(t)[0], remaining=0.04)}

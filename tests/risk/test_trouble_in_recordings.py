@@ -52,6 +52,7 @@ def repeated() -> Callable[[Any], bool]:
     return shows
 
 
+LONG = "a pilot's transmitter is lost, in a flight of 2015"
 TROUBLES = {
     "PX4 is left with few satellites": Trouble(
         recording="traces/px4/d1_gps_degradation.companion.tlog",
@@ -118,7 +119,7 @@ TROUBLES = {
         index="communication",
         input="remote control lost",
     ),
-    "a pilot's transmitter is lost, in a flight of 2015": Trouble(
+    LONG: Trouble(
         recording="data/mavlink_tlog/dronekit_flight_replay.tlog",
         after_s=300.0,
         message="SYS_STATUS",
@@ -173,7 +174,10 @@ def judged(trouble: Trouble) -> tuple[RiskEstimate, list[RiskEstimate]]:
     return before, after
 
 
-@pytest.mark.parametrize("title", TROUBLES)
+@pytest.mark.parametrize(
+    "title",
+    [pytest.param(title, marks=pytest.mark.slow if title == LONG else ()) for title in TROUBLES],
+)
 def test_recorded_trouble_raises_the_right_index_within_3_s_and_no_other(title):
     trouble = TROUBLES[title]
     before, after = judged(trouble)

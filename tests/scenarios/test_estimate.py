@@ -61,6 +61,7 @@ def test_a_position_jump_moves_the_setpoint_and_the_inspection_continues(manner)
     assert_setpoints_keep_to_free_space(flight)
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_a_jump_beyond_the_limit_holds_until_an_operator_orders_again(manner):
     flight = in_flight(manner)
@@ -112,6 +113,7 @@ def test_a_receiver_that_repeats_its_last_values_holds_until_the_autopilot_acts(
     assert_nothing_was_touched(flight)
 
 
+@pytest.mark.slow
 def test_a_planner_that_falls_silent_slows_the_flight_and_then_holds_it():
     flight = in_flight(Manner.ARDUPILOT, 1.0, target=1)
     flight.planning = False
@@ -130,6 +132,7 @@ def test_a_planner_that_falls_silent_slows_the_flight_and_then_holds_it():
     assert_nothing_was_touched(flight)
 
 
+@pytest.mark.slow
 def test_a_planner_that_is_late_leaves_no_gap_in_the_stream():
     flight = in_flight(Manner.PX4, 1.0)
     flight.plan_delay_s = 1.5

@@ -122,8 +122,14 @@ def reported(flight, cause):
     return [text for text in flight.operator.texts() if re.fullmatch(words, text)]
 
 
-@pytest.mark.parametrize("late_s", [0.3, 0.6, 0.9])
-@BOTH
+@pytest.mark.parametrize(
+    ("manner", "late_s"),
+    [
+        pytest.param(Manner.PX4, 0.3, marks=pytest.mark.slow),
+        (Manner.ARDUPILOT, 0.3),
+        *itertools.product(Manner, (0.6, 0.9)),
+    ],
+)
 def test_a_position_that_is_received_again_late_moves_no_setpoint(manner, late_s):
     flight = in_flight(manner)
     intruder = Intruder(flight)
@@ -179,6 +185,7 @@ def creep(flight, *, forge_global=False):
     return east_m()
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_an_origin_that_creeps_away_from_the_global_position_is_held(manner):
     flight = in_flight(manner, target=-1)
@@ -189,6 +196,7 @@ def test_an_origin_that_creeps_away_from_the_global_position_is_held(manner):
     assert_nothing_was_touched(flight)
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(manner):
     flight = in_flight(manner, target=-1)
@@ -245,6 +253,7 @@ ONE_PACKET = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", ONE_PACKET)
 def test_one_packet_of_another_autopilot_ends_control_but_not_for_good(words):
     flight = in_flight(Manner.PX4, target=-1)

@@ -23,7 +23,7 @@ from ..flights.judging import (
 )
 from ..flights.lockstep import Lockstep, hovering
 from ..flights.operator import ACCEPTED, EVACUATION, EXIT, INSPECTION, Manner
-from .marks import ARDUPILOT_FIRST
+from .marks import ARDUPILOT_FIRST, PX4_FIRST
 
 SITES = ["315kv_double_circuit", "120kv_single_circuit", "horizontal_three_conductors"]
 
@@ -128,6 +128,7 @@ def test_both_splices_the_escape_route_and_the_landing(site, vehicle, wind_mps, 
     judged(flight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("index", "x_m"), sampled([(1, 40.0)], [(0, -10.0), (1, 40.0)]))
 def test_an_evacuation_to_a_landing_point_of_the_operators_choice(index, x_m):
     flight = hovering(vehicle="x500")
@@ -137,7 +138,7 @@ def test_an_evacuation_to_a_landing_point_of_the_operators_choice(index, x_m):
     judged(flight)
 
 
-@pytest.mark.parametrize("manner", Manner)
+@ARDUPILOT_FIRST
 def test_under_engage_one_command_flies_the_exit_and_lands(manner):
     flight = hovering(manner=manner, vehicle="x500", authority=Authority.ENGAGE)
     flight.operator.mission(EXIT)
@@ -152,7 +153,7 @@ def test_under_engage_one_command_flies_the_exit_and_lands(manner):
     judged(flight)
 
 
-@pytest.mark.parametrize("manner", Manner)
+@PX4_FIRST
 def test_in_flight_from_inspection_to_evacuation(manner):
     flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)
@@ -166,6 +167,7 @@ def test_in_flight_from_inspection_to_evacuation(manner):
     judged(flight)
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_missions_switched_again_and_again_leave_no_jump(manner):
     flight = Lockstep(manner=manner, vehicle="x500")
@@ -178,6 +180,7 @@ def test_missions_switched_again_and_again_leave_no_jump(manner):
     judged(flight)
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_hold_and_continue_on_the_path_and_a_hold_at_a_target(manner):
     flight = hovering(manner=manner, vehicle="x500")
@@ -212,6 +215,7 @@ def held_on_the_landing_leg():
     return flight
 
 
+@pytest.mark.slow
 def test_from_a_hold_on_the_landing_leg_an_inspection_begins_with_a_checked_leg_back():
     flight = held_on_the_landing_leg()
     flight.operator.mission(INSPECTION)
@@ -237,6 +241,7 @@ def test_a_hold_on_the_landing_leg_can_be_continued():
     left_above_a_landing_point(flight, "exit")
 
 
+@pytest.mark.slow
 def test_after_a_low_take_off_the_flight_begins_with_an_escape_leg():
     flight = Lockstep(vehicle="linedrone_uniform", options={"parameters": {"MIS_TAKEOFF_ALT": 1.0}})
     flight.take_off(1.2)
@@ -269,6 +274,7 @@ def test_a_plan_that_takes_seconds_is_joined_without_a_jump():
     judged(flight)
 
 
+@pytest.mark.slow
 def test_when_the_planner_falls_silent_the_last_plan_is_flown_to_its_end():
     flight = hovering(vehicle="x500")
     flight.begin(INSPECTION)

@@ -101,13 +101,14 @@ def flown(flight, order, until):
     return least_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("manner", "order", "low"),
     [
         (PX4, "exit", False),
         (ARDUPILOT, "continue", False),
-        pytest.param(PX4, "continue", True, marks=pytest.mark.slow),
-        pytest.param(ARDUPILOT, "exit", True, marks=pytest.mark.slow),
+        (PX4, "continue", True),
+        (ARDUPILOT, "exit", True),
     ],
 )
 def test_after_a_takeover_on_the_landing_leg_an_order_flies_the_rest_of_the_leg(manner, order, low):
@@ -201,9 +202,9 @@ def test_above_the_landing_point_a_second_exit_does_not_move_the_aircraft(manner
 @pytest.mark.parametrize(
     ("manner", "start_m", "mission"),
     [
-        *itertools.product(
-            (ARDUPILOT,), ((27.0, 0.0), (15.0, 0.0), (33.0, 0.0)), (INSPECTION, EXIT)
-        ),
+        *itertools.product((ARDUPILOT,), ((27.0, 0.0), (15.0, 0.0)), (INSPECTION, EXIT)),
+        pytest.param(ARDUPILOT, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
+        (ARDUPILOT, (33.0, 0.0), EXIT),
         pytest.param(PX4, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
     ],
 )

@@ -93,6 +93,7 @@ def test_a_battery_that_becomes_critical_on_the_exit_begins_an_evacuation(manner
     assert_setpoints_never_jump(flight)
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_receiver_that_loses_its_fix_holds_the_mission_until_the_autopilot_acts(manner):
     flight = in_flight(manner)

@@ -79,6 +79,7 @@ def test_a_pilot_who_takes_over_keeps_control_even_after_giving_the_mode_back(mo
     assert_setpoints_never_jump(flight)
 
 
+@pytest.mark.slow
 def test_the_sticks_take_over_where_the_autopilot_is_configured_for_it():
     flight = in_flight(options={"parameters": {"COM_RC_OVERRIDE": 3}})
     flight.autopilot.move_sticks()
@@ -92,7 +93,7 @@ def test_the_sticks_take_over_where_the_autopilot_is_configured_for_it():
     assert silent_since(flight, took, 1.2)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_after_a_release_by_the_operator_no_setpoint_is_sent(manner):
     flight = in_flight(manner=manner)
     flight.operator.mission(RELEASE)
@@ -107,6 +108,7 @@ def test_after_a_release_by_the_operator_no_setpoint_is_sent(manner):
     assert flight.operator.in_mode("ours") is (manner is Manner.ARDUPILOT)
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_lost_position_releases_and_its_return_starts_no_stream(manner):
     flight = in_flight(manner=manner)
@@ -121,6 +123,7 @@ def test_a_lost_position_releases_and_its_return_starts_no_stream(manner):
     assert not flight.operator.in_mode("ours")
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_on_a_critical_battery_the_autopilot_acts_and_only_a_new_order_starts_a_stream(manner):
     flight = in_flight(manner=manner, options={"parameters": LANDS_WHEN_LOW[manner]})
@@ -140,6 +143,7 @@ def test_on_a_critical_battery_the_autopilot_acts_and_only_a_new_order_starts_a_
     assert flight.last_setpoint_s == pytest.approx(flight.now_s)
 
 
+@pytest.mark.slow
 @PX4_FIRST
 def test_a_critical_battery_stays_critical_when_the_charge_recovers(manner):
     flight = in_flight(manner=manner, options={"parameters": LANDS_WHEN_LOW[manner]})
@@ -153,6 +157,7 @@ def test_a_critical_battery_stays_critical_when_the_charge_recovers(manner):
     assert silent_since(flight, released, 0.0)
 
 
+@pytest.mark.slow
 @PX4_FIRST
 def test_a_link_cut_in_both_directions_ends_the_stream_even_after_the_link_returns(manner):
     flight = in_flight(manner=manner)
@@ -267,6 +272,7 @@ def test_blown_off_where_there_is_room_the_mission_is_planned_again_from_the_new
 # Before the mode is given -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_aircraft_does_not_fly_back_to_a_hold_that_the_pilot_has_left():
     flight = hovering()
     flight.operator.mission(INSPECTION)

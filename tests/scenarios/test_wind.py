@@ -50,6 +50,7 @@ def test_in_calm_air_no_manoeuvre_is_reported_as_wind_with_a_drag_that_is_30_per
     assert max(told.risk for told in flight.reported) < rest + 0.1
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_a_wind_that_rises_and_falls_is_followed_within_three_seconds(manner):
     flight = in_the_air(manner)

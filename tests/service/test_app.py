@@ -33,7 +33,9 @@ def messages(data):
     return codec.parse_buffer(data) or []
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGINT]
+)
 def test_the_service_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
     with (
         listener() as (item, port),

@@ -274,6 +274,7 @@ def test_without_a_broker_the_mqtt_library_is_not_loaded():
     assert not {"aiomqtt", "paho.mqtt.client"} & set(modules)
 
 
+@pytest.mark.slow
 def test_signed_orders_reach_the_machine_once_and_are_answered(port, tmp_path):
     key = tmp_path / "orders.key"
     key.write_bytes(b"k" * 32)

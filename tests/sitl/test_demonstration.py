@@ -185,6 +185,7 @@ def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
     assert named in output
 
 
+@pytest.mark.slow
 def test_a_user_sees_that_line_and_status(tmp_path):
     flown = fly("--site", "missing.yaml", "--out", str(tmp_path), timeout_s=60)
     assert (flown.returncode, flown.stdout) == (2, "")
@@ -337,7 +338,14 @@ def test_a_row_of_the_truth_that_a_full_disk_cut_short_is_left_out(tmp_path):
         assert read.armed
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGTERM,
+        pytest.param(signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
+    ],
+)
 def test_the_demonstration_ends_its_processes_when_it_is_ended(tmp_path, number):
     with subprocess.Popen(
         [sys.executable, "-m", "sitl.demonstration", "--headless", "--out", str(tmp_path)],

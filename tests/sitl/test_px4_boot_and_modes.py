@@ -156,6 +156,7 @@ def test_hold_stops_within_two_metres_and_stays(airborne):
     assert airborne.truth.position_ned_m[1] == pytest.approx(y_m, abs=2.0)
 
 
+@pytest.mark.slow
 def test_return_climbs_flies_home_and_lands_there(airborne):
     airborne.hold_at(0, 30, -12)
     airborne.run(15.0)

@@ -245,6 +245,7 @@ def test_sticks_take_over_from_hold_by_default(airborne):
     assert airborne.truth.velocity_ned_mps[0] > 1.0
 
 
+@pytest.mark.slow
 def test_setpoints_are_followed_in_px4s_own_projection_not_on_the_ellipsoid(make_flight):
     flight = make_flight(latitude_deg=45.3781, longitude_deg=-71.9295, altitude_amsl_m=210.0)
     flight.take_off()

@@ -108,7 +108,10 @@ def test_a_missing_file_and_broken_yaml_are_explained_in_one_line(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "problem"),
-    [("[" * 50_000, "nested too deeply"), ("#" * 100_001, "larger than 100000 bytes")],
+    [
+        pytest.param("[" * 50_000, "nested too deeply", marks=pytest.mark.slow),
+        ("#" * 100_001, "larger than 100000 bytes"),
+    ],
 )
 def test_a_file_that_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, problem):
     path = tmp_path / "bad.yaml"

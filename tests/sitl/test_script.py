@@ -88,6 +88,7 @@ def verdict(flight, site, wanted):
     return judge(truth, site, radius_m, story.landing_legs_m, landings)
 
 
+@pytest.mark.slow
 def test_the_aircraft_is_turned_after_the_take_off():
     flight = Lockstep(site="315kv_double_circuit", vehicle="x500", manner=Manner.PX4)
     script = Script(
