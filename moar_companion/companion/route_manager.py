@@ -70,11 +70,6 @@ class RouteManager:
         """The last flight, if it ended on a landing leg."""
 
     @property
-    def awaited(self) -> Awaited | None:
-        """The plan whose answer is still to come."""
-        return self._plans.awaited
-
-    @property
     def braked(self) -> bool:
         """True while the flight comes to rest, or stands, before its plan's end."""
         return self.flight is not None and self.flight.braked

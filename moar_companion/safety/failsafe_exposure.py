@@ -253,8 +253,6 @@ def _times_s(
     action: FailsafeAction, telemetry: Telemetry, meter: Meter, power: PowerModel
 ) -> list[float | None]:
     """Flight times until the thresholds of a battery's action; None: cannot be forecast."""
-    if action.trigger not in BATTERY:
-        return []
     times_s: list[float | None] = []
     if action.charge is not None:
         times_s.append(meter.until_s(power, action.charge))

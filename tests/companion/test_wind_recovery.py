@@ -45,6 +45,16 @@ class Silent:
         pass
 
 
+class Told:
+    """Reports that are kept: reason and action of each."""
+
+    def __init__(self):
+        self.texts = []
+
+    def send_text(self, _severity, reason, _now_s, *, action=""):
+        self.texts.append((reason, action))
+
+
 def volume(**changes):
     planner = usual_planner()
     plain = FlightVolume(site=planner.site, vehicle=planner.vehicle, maps=planner.maps, loss=PX4)
@@ -67,8 +77,8 @@ def at_rest(flight, seconds=1.6):
     return here
 
 
-def blown_off(fence):
-    flight = PathFollower(volume(fence=fence), pose(RIGHT_M - 6.0, 10.0))
+def blown_off(fence, **changes):
+    flight = PathFollower(volume(fence=fence, **changes), pose(RIGHT_M - 6.0, 10.0))
     flight.advance(pose(RIGHT_M + 8.0, 10.0, 3.0), STEP_S, holds=True)
     here = at_rest(flight)
     assert flight.is_carried_off
@@ -95,6 +105,33 @@ def test_the_setpoint_returns_when_its_place_is_the_only_condition(fence, condit
     status = MissionStatus(state=MissionState.HOLDING)
     WindRecovery(Silent()).act(flight, here, status, Ruling(conditions=conditions), 0.0, 100.0)
     assert flight.returns is returns
+
+
+def test_a_condition_that_begins_on_the_recovery_path_ends_it_until_it_is_over():
+    flight, here = blown_off(None)
+    recovery, status = WindRecovery(Silent()), MissionStatus(state=MissionState.HOLDING)
+    recovery.act(flight, here, status, Ruling(), 0.0, 100.0)
+    recovery.act(flight, here, status, Ruling(conditions=(acting("off_path"),)), 0.0, 100.1)
+    assert flight.returns
+    recovery.act(flight, here, status, Ruling(conditions=(acting("wind"),)), 0.0, 100.2)
+    assert not flight.returns
+    at_rest(flight)
+    assert flight.is_carried_off
+    recovery.act(flight, here, status, Ruling(), 0.0, 106.0)
+    assert flight.returns
+
+
+def test_an_operator_is_asked_every_five_seconds_to_fly_an_aircraft_back_that_has_no_path():
+    vehicle = usual_planner().vehicle
+    near = replace(vehicle, guidance=replace(vehicle.guidance, recovery_m=2.0))
+    flight, here = blown_off(None, vehicle=near)
+    told = Told()
+    recovery, status = WindRecovery(told), MissionStatus(state=MissionState.HOLDING)
+    for now_s in (100.0, 104.9, 105.0):
+        recovery.act(flight, here, status, Ruling(), 0.0, now_s)
+    outside_m = place_m(flight)[0] - RIGHT_M
+    assert told.texts == [(f"{outside_m:.1f} m outside, no path back: fly it back", "")] * 2
+    assert not flight.returns
 
 
 def test_the_recovery_path_enters_the_fence_and_the_gate_accepts_the_path():

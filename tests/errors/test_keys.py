@@ -6,6 +6,7 @@ A wrong value is put into all keys at once; `InputError.parts` has the errors on
 from __future__ import annotations
 
 import copy
+import functools
 import json
 
 import pytest
@@ -18,6 +19,9 @@ from moar_companion.vehicle import _VehicleFile
 from moar_companion.yaml_file import _schema_at, dotted, shown
 
 from .files import EMPTY_IS_NONE, FILES, ONE_OF_TWO, REQUIRED, parent, walk
+
+dump = functools.partial(yaml.dump, Dumper=yaml.CSafeDumper)
+"""Thousands of files are written: by the compiled library."""
 
 SCHEMAS = {
     "site.yaml": _SiteFile,
@@ -248,7 +252,7 @@ def with_all(file, kinds, as_written):
     keys = [key for key, value in walk(content) if type(value) in kinds]
     for key in keys:
         parent(content, key)[key[-1]] = "@"
-    return yaml.safe_dump(content, sort_keys=False).replace("'@'", as_written), keys
+    return dump(content, sort_keys=False).replace("'@'", as_written), keys
 
 
 def test_the_files_here_have_every_key_of_the_schemas():
@@ -264,7 +268,7 @@ def test_the_files_here_have_every_key_of_the_schemas():
 @pytest.mark.parametrize("file", FILES)
 def test_a_file_with_every_key_loads(file, tmp_path):
     load, content = FILES[file]
-    (tmp_path / file).write_text(yaml.safe_dump(content))
+    (tmp_path / file).write_text(dump(content))
     load(tmp_path / file)
 
 
@@ -300,7 +304,7 @@ def test_a_number_out_of_range_is_named_with_its_limit(side, file, tmp_path, cap
     keys = [key for key, value in walk(content) if type(value) in KINDS["number"]]
     for key in keys:
         parent(content, key)[key[-1]] = outside(file, key)[side]
-    parts = refusal(file, yaml.safe_dump(content, sort_keys=False), tmp_path, capsys).parts
+    parts = refusal(file, dump(content, sort_keys=False), tmp_path, capsys).parts
     assert len(parts) == len(keys)
     word = ("must be at least", "must be greater than") if side == 0 else ("must be at most",)
     for part, key in zip(parts, keys, strict=True):
@@ -316,7 +320,7 @@ def test_a_value_that_is_no_mapping_or_list_is_named(file, key, tmp_path, capsys
     for bad, reported in STRUCTURES[kind]:
         if reported == "empty" and dotted(key) in EMPTY_IS_NONE[file]:
             continue
-        text = yaml.safe_dump(changed(file, key, "@"), sort_keys=False).replace("'@'", bad)
+        text = dump(changed(file, key, "@"), sort_keys=False).replace("'@'", bad)
         path = tmp_path / file
         if reported == "empty" and dotted(key) in ONE_OF_TWO[file]:
             must = f"{dotted(key[:-1])}: must have one key, conductor or polygon"
@@ -327,7 +331,7 @@ def test_a_value_that_is_no_mapping_or_list_is_named(file, key, tmp_path, capsys
 
 @pytest.mark.parametrize(("file", "key"), keys_of(*KINDS["text"]))
 def test_text_that_is_too_long_is_not_repeated(file, key, tmp_path, capsys):
-    line = str(refusal(file, yaml.safe_dump(changed(file, key, "a" * 5000)), tmp_path, capsys))
+    line = str(refusal(file, dump(changed(file, key, "a" * 5000)), tmp_path, capsys))
     assert line.startswith(f"{tmp_path / file}: {dotted(key)}: ")
     assert " must " in line
     assert "a" * 50 not in line
@@ -342,7 +346,7 @@ def test_only_a_required_key_must_be_there(file, tmp_path, capsys):
             continue
         smaller = copy.deepcopy(content)
         del parent(smaller, key)[key[-1]]
-        text = yaml.safe_dump(smaller, sort_keys=False)
+        text = dump(smaller, sort_keys=False)
         if dotted(key) in REQUIRED[file]:
             assert (
                 str(refusal(file, text, tmp_path, capsys)) == f"{path}: {dotted(key)}: is missing"
@@ -361,7 +365,7 @@ def test_an_unknown_key_is_named_with_the_known_keys(file, tmp_path, capsys):
     mappings = [key for key, value in walk(content) if type(value) is dict]
     for key in mappings:
         parent(content, (*key, "zzz"))["zzz"] = 1
-    parts = refusal(file, yaml.safe_dump(content, sort_keys=False), tmp_path, capsys).parts
+    parts = refusal(file, dump(content, sort_keys=False), tmp_path, capsys).parts
     lines = {str(part).removeprefix(f"{tmp_path / file}: ") for part in parts}
     assert len(parts) == len(lines) == len(mappings)
     for key in mappings:
@@ -398,7 +402,7 @@ def test_a_misspelt_key_is_named_with_the_key_that_was_meant(slip, file, tmp_pat
             parent(content, misspelt)[misspelt[-1]] = parent(content, key).pop(key[-1])
             meant = f"is not a known key, did you mean {key[-1]}?"
             expected.add(f"{tmp_path / file}: {dotted(misspelt)}: {meant}")
-        text = yaml.safe_dump(content, sort_keys=False)
+        text = dump(content, sort_keys=False)
         found = {str(part) for part in refusal(file, text, tmp_path, capsys).parts}
         assert expected <= found, expected - found
 

@@ -15,6 +15,17 @@ from .operator import READ, Manner, Operator
 STEP_S = 0.02
 
 
+def set_unread_streams(autopilot: FakeAutopilot, interval_us: int) -> None:
+    """Of PX4's 400 messages a second to a ground station, an operator here reads three.
+
+    interval_us: of all others; -1: off, 0: PX4's own.
+    """
+    if autopilot.options.autopilot == Manner.PX4.value:
+        schedule = autopilot.manner._schedule("gcs")
+        for message_id in IDS.keys() - READ:
+            schedule.set(message_id, interval_us, autopilot.manner._boot_us)
+
+
 class Aircraft:
     """Autopilot and operator, and the bytes between them. secret: key of all signed links."""
 
@@ -32,14 +43,7 @@ class Aircraft:
         self.now_s = 0.0
 
     def set_unread_streams(self, interval_us: int) -> None:
-        """Of PX4's 400 messages a second to a ground station, the operator here reads three.
-
-        interval_us: of all others; -1: off, 0: PX4's own.
-        """
-        if self.operator.manner is Manner.PX4:
-            schedule = self.autopilot.manner._schedule("gcs")
-            for message_id in IDS.keys() - READ:
-                schedule.set(message_id, interval_us, self.autopilot.manner._boot_us)
+        set_unread_streams(self.autopilot, interval_us)
 
     def __deepcopy__(self, memo):
         """Independent copy; constants and past data are shared."""

@@ -152,3 +152,17 @@ def test_after_a_restart_the_fence_is_read_at_once():
     download.restart()
     assert download.next_request(AUTOPILOT, 0.1).get_type() == "MISSION_REQUEST_LIST"
     assert download.items is not None
+
+
+def test_items_out_of_turn_and_before_the_count_are_ignored():
+    download = FenceDownload()
+    download.next_request(AUTOPILOT, 0.0)
+    assert download.handle(item(0), AUTOPILOT, 0.0) is None
+    download.handle(count(2), AUTOPILOT, 0.0)
+    download.next_request(AUTOPILOT, 0.0)
+    assert download.handle(item(1), AUTOPILOT, 0.0) is None
+    assert download.items is None
+    download.handle(item(0), AUTOPILOT, 0.0)
+    download.next_request(AUTOPILOT, 0.0)
+    assert download.handle(item(1), AUTOPILOT, 0.0).get_type() == "MISSION_ACK"
+    assert [each.latitude_deg for each in download.items] == pytest.approx([45.0, 45.0000001])

@@ -6,6 +6,7 @@ import pytest
 
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.passive_listener import PassiveListener
+from moar_companion.telemetry import Telemetry
 
 from .messages import updated
 
@@ -469,3 +470,12 @@ def test_sys_status_gives_readiness_to_arm_and_unhealthy_sensors():
         onboard_control_sensors_enabled=gps | gyro, onboard_control_sensors_health=gyro
     ).readiness
     assert (unfit.ready, unfit.unhealthy) == (False, ("gps",))
+
+
+def test_a_mode_without_any_heartbeat_tells_nothing():
+    assert updated("CURRENT_MODE", custom_mode=0x00060000) == Telemetry()
+
+
+def test_a_mode_after_a_heartbeat_is_the_autopilots_mode():
+    status = updated("CURRENT_MODE", received(PX4), custom_mode=0x00060000).autopilot
+    assert (status.mode, status.ours) == ("OFFBOARD", True)

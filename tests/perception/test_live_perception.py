@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -264,3 +265,53 @@ def test_points_without_poses_are_dropped_and_counted():
     perception.note_points([(6.0, 0.0, 0.1)], 0.5)
     perception.step(0.7)
     assert perception.step(1.2).health.late == 1
+
+
+def seen_once(at_m, *, distances=8):
+    """Perception of a point at this place in the aircraft's frame, and its report."""
+    perception = LivePerception(POINTS, SITE)
+    for number in range(distances):
+        hover(perception, 0.1 * number, 0.1 * number + 0.1)
+        perception.note_points([at_m], 0.1 * number)
+        report = perception.step(0.1 * number + 0.11)
+    return perception, report
+
+
+def test_a_jump_that_comes_with_a_position_moves_the_obstacles_with_it():
+    perception, before = seen_once((6.0, 0.0, 0.1))
+    assert covers(before, 6.0, 12.1)
+    perception.note_position(0.9, (0.0, 0.0, 12.0), (0.0, 0.0, 0.0))
+    assert covers(perception.step(1.2), 6.0, 12.1)
+    perception.note_position(1.3, (3.0, 0.0, 9.0), (3.0, 0.0, -3.0))
+    after = perception.step(1.5)
+    assert covers(after, 9.0, 9.1)
+    assert not covers(after, 6.0, 12.1)
+    perception.note_position(1.6, (3.0, 0.0, 9.0), (3.0, 0.0, -3.0))
+    assert perception.step(1.8).solids == after.solids
+
+
+def test_lidar_packets_beside_a_sensor_without_packets_are_ignored():
+    perception = LivePerception(POINTS, SITE)
+    perception.receive(bytes(1206), 0.1)
+    health = perception.step(0.2).health
+    assert (health.refused, health.received_s, health.scan_s) == (0, None, None)
+
+
+def test_points_beyond_the_reach_are_no_obstacle():
+    assert seen_once((20.0, 0.0, 0.1))[1].solids != ()
+    assert seen_once((60.0, 0.0, 0.1))[1].solids == ()
+
+
+def test_a_turn_of_the_lidar_without_any_echo_is_a_scan_without_returns():
+    health = last(Rig(LidarScene(ground_m=None), HOVER), 0.25).health
+    assert (health.returns, health.late, health.refused) == (0.0, 0, 0)
+    assert health.scan_s == pytest.approx(0.1, abs=0.01)
+
+
+def test_an_ouster_is_decoded_by_its_metadata():
+    settings = Perception(sensor=Sensor.OUSTER)
+    with mock.patch("moar_companion.perception.packet_stream.OusterStream") as decoder:
+        decoder.return_value = mock.Mock(packets=0, refused={"damaged": 3})
+        report = LivePerception(settings, SITE, "the metadata").step(0.2)
+    decoder.assert_called_once_with("the metadata")
+    assert report.health.refused == 3

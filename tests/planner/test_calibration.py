@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 from moar_companion.adaptation import Adaptation, AdaptationKind, Calibration
 from moar_companion.errors import InputError
 from moar_companion.planner import calibration as calibration_module
+from moar_companion.planner import planner as planner_module
 from moar_companion.planner.calibration import calibrated
 from moar_companion.planner.plan_values import Cost, PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.types import RiskIndices, Weights
 
-from .problems import conductor, make_site, make_vehicle, random_problem
+from .problems import conductor, make_site, make_vehicle, polygon, random_problem
 
 seeds = st.integers(min_value=0, max_value=10**6)
 properties = settings(deadline=None, max_examples=40, derandomize=True, database=None)
@@ -160,3 +161,30 @@ def test_a_calibration_is_made_once_for_a_start_and_again_for_other_maps():
     assert line((0.5, 6.5)) is not first
     planner.set_obstacles((conductor(5.0, 5.0),))
     assert line((0.5, 0.5)) is not first
+
+
+def test_the_oldest_calibration_is_dropped_where_there_are_too_many(monkeypatch):
+    monkeypatch.setattr(planner_module, "_MOST_CALIBRATIONS", 2)
+    planner = Planner(make_site(conductor(5.0, 4.0)), make_vehicle())
+
+    def line(start):
+        plan = planner.plan(
+            mission="inspection",
+            start=start,
+            risk=RiskIndices(wind=0.6),
+            adaptation="calibrated",
+        )
+        return plan.request.adaptation.calibration
+
+    first, second = line((0.5, 0.5)), line((0.5, 6.5))
+    line((0.5, 3.5))
+    assert line((0.5, 6.5)) is second
+    assert line((0.5, 0.5)) is not first
+
+
+def test_a_start_from_which_no_path_leads_leaves_the_weights_uncalibrated():
+    wall = polygon((4.2, -1.0), (4.8, -1.0), (4.8, 20.0), (4.2, 20.0))
+    planner = Planner(make_site(wall), make_vehicle())
+    plan = planner.plan(mission="inspection", risk=RiskIndices(wind=0.6), adaptation="calibrated")
+    assert plan.status is PlanStatus.UNREACHABLE
+    assert plan.request.adaptation.calibration is None

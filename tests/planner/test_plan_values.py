@@ -11,6 +11,7 @@ import pytest
 
 from moar_companion import Mission, Planner, PlanStatus, RiskIndices, Weights
 from moar_companion.errors import InputError
+from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner as PlannerItself
 
 from . import oracle
@@ -415,3 +416,34 @@ def test_preparing_a_target_that_is_occupied_or_outside_is_no_error():
 
 def test_the_package_offers_the_planner_itself():
     assert Planner is PlannerItself
+
+
+# Requests ---------------------------------------------------------------------------------------
+
+
+def request(start_m, velocity_mps):
+    return PlanRequest(
+        mission=Mission.INSPECTION,
+        target=None,
+        start_m=start_m,
+        velocity_mps=velocity_mps,
+        weights=EQUAL,
+        risk=RiskIndices(),
+    )
+
+
+def test_a_start_and_a_velocity_of_different_dimensions_are_refused():
+    with pytest.raises(ValueError, match="do not agree"):
+        request((1.0, 2.0), (0.0, 0.0, 0.0))
+
+
+def test_a_start_or_velocity_that_is_not_finite_is_refused_by_name():
+    with pytest.raises(InputError, match=r"start.*must be finite"):
+        request((1.0, math.inf), (0.0, 0.0))
+    with pytest.raises(InputError, match=r"velocity.*must be finite"):
+        request((1.0, 2.0), (math.nan, 0.0))
+
+
+def test_a_velocity_without_a_finite_square_is_refused():
+    with pytest.raises(InputError, match=r"velocity.*must be within"):
+        request((1.0, 2.0), (1e200, 0.0))

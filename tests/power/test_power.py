@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from moar_companion import autopilots
 from moar_companion.config import shipped_configs
 from moar_companion.power import Meter, PowerModel, cell_v, landing_s, metered
+from moar_companion.power.cells import misread
 from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import Battery, Landed, LandedState, LocalPosition, Telemetry
 from moar_companion.vehicle import Power, Vehicle
@@ -514,3 +515,21 @@ def test_the_sections_of_a_vehicle_file_make_the_power_model():
     model = PowerModel.made(Power(capacity_wh=77.0), RiskModel(cells=6), 4.0, 2.0, 1.0)
     assert (model.capacity_wh, model.capacity_known, model.cells) == (77.0, True, 6)
     assert (model.cruise_mps, model.climb_mps, model.descent_mps) == (4.0, 2.0, 1.0)
+
+
+def test_the_time_until_a_charge_is_unknown_without_the_remaining_energy():
+    model = model_of()
+    assert Meter().until_s(model, 0.2) is None
+    assert Meter(left_wh=50.0).until_s(model, 0.2) == pytest.approx(30.0 / 300.0 * 3600.0)
+    assert Meter(left_wh=10.0).until_s(model, 0.2) == 0.0
+
+
+def test_a_wrong_number_of_cells_is_found_at_the_first_battery_with_a_voltage():
+    silent, empty_port, full = (
+        Battery(received_s=0.0, remaining=None, voltage_v=volts, current_a=None, charge_state=None)
+        for volts in (None, 0.4, 25.0)
+    )
+    telemetry = Telemetry(batteries={0: silent, 1: empty_port, 2: full})
+    assert misread(telemetry, 6) is None
+    assert misread(telemetry, 4).startswith("battery 2: 25.0 V, not 4S")
+    assert misread(Telemetry(batteries={0: silent, 1: empty_port}), 4) is None

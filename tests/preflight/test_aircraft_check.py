@@ -20,6 +20,8 @@ from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options
 from sitl.fence_areas import Item
 from sitl.signing import SignOptions
 
+from ..copies import flown_once
+from ..flights.aircraft import set_unread_streams
 from ..mavlink.signed import MINUTE, OTHER_SECRET, SECRET, SignedPeer
 
 CONFIGS = shipped_configs()
@@ -42,6 +44,16 @@ def planner_of(site, vehicle):
     return PLANNER if same else Planner(flown_site(site, vehicle, Supervision()), vehicle)
 
 
+@flown_once
+def running(age_s, **options):
+    """A fake autopilot that has run for a while."""
+    autopilot = FakeAutopilot(Options(**options))
+    set_unread_streams(autopilot, -1)
+    autopilot.step(age_s)
+    autopilot.data_to_send()
+    return autopilot
+
+
 class Look:
     """A look at a fake autopilot on the site, which has run for a while."""
 
@@ -62,7 +74,9 @@ class Look:
             "longitude_deg": home.longitude_deg,
             "altitude_amsl_m": home.altitude_amsl_m,
         }
-        self.autopilot = FakeAutopilot(Options(**{**place, **options}))
+        # The text of links, by which a flight is known, hides their key.
+        run = running.__wrapped__ if "links" in options else running
+        self.autopilot = run(age_s, **{**place, **options})
         config = CompanionConfig(
             vehicle=CONFIGS, links=(LinkConfig(url=LINK, signed=signing is not None),)
         )
@@ -77,8 +91,6 @@ class Look:
         """True if requests for the uploaded fence never arrive."""
         self._ground = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._ground_station = ground_station
-        self.autopilot.step(age_s)
-        self.autopilot.data_to_send()
         self._age_s = age_s
 
     def step(self):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from moar_companion.autopilots import ARDUPILOT, PX4, profile
+from moar_companion.autopilots import ARDUPILOT, PX4, UNKNOWN, profile
 from moar_companion.config import LossCheck, shipped_configs
 from moar_companion.preflight.aircraft_check import parameter_findings
 from moar_companion.preflight.findings import Finding, Level, worst
@@ -305,3 +305,7 @@ def test_the_level_of_a_finding_follows_from_the_risk(risk, level):
 def test_a_finding_has_a_text_and_a_remedy():
     finding = Finding(level=NO_GO, subject="it", text="is wrong", remedy="mend it")
     assert (str(finding.level), str(finding)) == ("no-go", "it: is wrong; mend it")
+
+
+def test_an_unknown_autopilot_has_no_parameter_findings():
+    assert findings(UNKNOWN, PX4_AS_ASKED) == {}

@@ -8,8 +8,11 @@ from hypothesis import strategies as st
 
 from moar_companion.risk.braking import Braking
 from moar_companion.risk.drag import air_velocity_mps, deceleration_mps2
-from moar_companion.risk.drag_fit import DragFit, fit_drag
+from moar_companion.risk.drag_fit import DragFit, DragFlight, fit_drag
 from moar_companion.risk_model import RiskModel
+from moar_companion.telemetry import LandedState
+
+from .test_braking import every_tenth
 
 models = st.builds(RiskModel, drag_per_s=st.floats(0.05, 2.0), drag_per_m=st.floats(0.0, 0.2))
 level = st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
@@ -94,3 +97,44 @@ def test_the_lack_in_a_flight_is_named(made, lack):
     answer = fit_drag(made)
     assert isinstance(answer, str)
     assert lack in answer
+
+
+def swung(**options):
+    """Telemetry of 40 s to and fro at up to 6 m/s in calm air, with a drag of 0.3 per second."""
+    turn = math.tau / 20.0
+
+    def speed_mps(time_s):
+        return 6.0 * math.sin(turn * time_s)
+
+    return every_tenth(
+        lambda t: (0.3 * speed_mps(t) + 6.0 * turn * math.cos(turn * t), 0.0),
+        lambda t: (speed_mps(t), 0.0, 0.0),
+        count=400,
+        **options,
+    )
+
+
+def flight(states):
+    flight = DragFlight()
+    for state in states:
+        flight.take(state)
+    return flight
+
+
+def test_the_drag_of_a_flight_follows_from_its_telemetry():
+    fit = flight(swung()).fit()
+    assert isinstance(fit, DragFit)
+    assert fit.drag_per_s + fit.drag_per_m * 6.0 == pytest.approx(0.3, rel=0.1)
+    assert fit.wind_ne_mps == pytest.approx((0.0, 0.0), abs=0.2)
+    assert 30.0 < fit.seconds <= 40.0
+
+
+def test_telemetry_that_repeats_adds_no_time_to_the_flight():
+    states = swung()
+    once, twice = flight(states).fit(), flight([item for item in states for _ in range(2)]).fit()
+    assert once == twice
+
+
+def test_motion_on_the_ground_measures_no_drag():
+    answer = flight(swung(landed=LandedState.ON_GROUND)).fit()
+    assert answer == "0 s in the air with attitude and velocity: too short to measure drag"

@@ -252,3 +252,9 @@ def test_an_input_that_no_longer_applies_is_dropped(flight):
 
 def test_an_empty_report_is_explained_as_no_risk():
     assert index_words("wind", 0.0, IndexReport()) == "wind 0.00: no input raises it"
+
+
+def test_an_input_without_a_value_is_phrased_by_its_name_alone():
+    known = InputReport(name="tilt in hover", value=0.2, unit="rad", age_s=0.1, risk=0.0)
+    assert known.phrase.startswith("tilt in hover ")
+    assert known._replace(value=None, risk=None).phrase == "tilt in hover"

@@ -10,9 +10,12 @@ from moar_companion import autopilots
 from moar_companion.config import Supervision
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.risks import held_wind_finding
-from moar_companion.risk.holding import held_wind_mps, tilt_limit
+from moar_companion.risk.holding import held_wind_mps, is_saturated, tilt_limit
 from moar_companion.risk_model import RiskModel
+from moar_companion.telemetry import Attitude, Telemetry
 from tests.vehicles import named_vehicle
+
+from .conftest import HEALTHY
 
 MODEL = RiskModel()
 
@@ -58,3 +61,24 @@ def test_the_check_names_the_limiting_wind_the_key_and_the_parameter():
     assert finding.level is Level.NOTE
     for word in ("ANGLE_MAX", "risk.drag_per_s", "supervision.wind_limit_mps"):
         assert word in finding.text
+
+
+def saturated(motor_output, **lean):
+    attitude = Attitude(
+        received_s=0.0, **{"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0, **lean}
+    )
+    telemetry = Telemetry(autopilot=HEALTHY["autopilot"](0.0), attitude=attitude)
+    return is_saturated(telemetry, motor_output, 0.5, MODEL)
+
+
+def test_motors_at_their_limit_are_saturated_at_any_lean():
+    most = MODEL.motor_fraction.high
+    assert saturated(most)
+    assert not saturated(most - 0.01)
+    assert not saturated(None)
+
+
+def test_a_lean_at_its_limit_is_saturated_at_any_motor_output():
+    assert saturated(None, roll_rad=0.5)
+    assert saturated(0.5, pitch_rad=-0.5)
+    assert not saturated(0.5, pitch_rad=-0.4)

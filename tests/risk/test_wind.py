@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from moar_companion.risk import InputReport
 from moar_companion.risk.braking import GRAVITY_MPS2
 from moar_companion.risk.drag import deceleration_mps2
-from moar_companion.risk.wind import Spread, strongest
+from moar_companion.risk.wind import Spread, WindMemory, remember, strongest
 from moar_companion.risk_model import Range, RiskModel
 from moar_companion.telemetry import Attitude, Landed, LandedState, MotorOutputs, MotorSpeeds, Wind
+
+from .test_braking import every_tenth
 
 NAMES = [
     "wind reported",
@@ -136,6 +138,16 @@ def test_an_impossible_velocity_is_bounded_and_expires(flight):
     flight.fly(90.0)
     assert flight.input("wind", "gusts").value < 5.0
     assert flight.input("wind", "wind from tilt").value == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_velocity_whose_sum_is_no_number_gives_no_wind():
+    known, unknown = WindMemory(), WindMemory()
+    for state in every_tenth(lambda _: (1.0, 0.0), lambda _: (2.0, 0.0, 0.0)):
+        known = remember(known, state, RiskModel())
+    for state in every_tenth(lambda _: (1.0, 0.0), lambda _: (1e308, 0.0, 0.0)):
+        unknown = remember(unknown, state, RiskModel())
+    assert known.wind_ne_mps is not None
+    assert unknown.wind_ne_mps is None
 
 
 # Sources

@@ -12,9 +12,10 @@ import pytest
 from moar_companion import autopilots
 from moar_companion.perception.perception_report import SensorHealth
 from moar_companion.perception_config import Perception, Sensor
+from moar_companion.safety.autopilot_failsafe import reported
 from moar_companion.safety.check_inputs import Host
 from moar_companion.safety.condition_types import Causes
-from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics
+from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics, Readiness
 
 from .seen import (
     BATTERY,
@@ -403,3 +404,19 @@ def test_exactly_the_expected_causes_are_found(case, seen, expected):
 def test_every_cause_has_its_story():
     names = {name for _, _, expected in STORIES + OF_PLACE for name in expected}
     assert names == {field.name for field in dataclasses.fields(Causes)}
+
+
+def test_a_failsafe_of_the_autopilot_is_identified_by_what_is_lost():
+    flying = replace(TELEMETRY, autopilot=replace(TELEMETRY.autopilot, failsafe=True))
+    assert reported(flying) == frozenset()
+    silent = Readiness(received_s=NOW_S, ready=True, unhealthy=(), remote_control_ok=False)
+    assert reported(replace(flying, readiness=silent)) == {Failsafe.REMOTE_CONTROL}
+    empty = replace(silent, unhealthy=("battery",), remote_control_ok=True)
+    assert reported(replace(flying, readiness=empty)) == {Failsafe.BATTERY}
+    lost = replace(TELEMETRY.estimator, horizontal_position_ok=False)
+    assert reported(replace(flying, estimator=lost)) == {Failsafe.ESTIMATOR}
+
+
+def test_without_a_failsafe_flag_a_lost_position_is_no_failsafe_of_the_autopilot():
+    lost = replace(TELEMETRY.estimator, horizontal_position_ok=False)
+    assert reported(replace(TELEMETRY, estimator=lost)) is None

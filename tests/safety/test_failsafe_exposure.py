@@ -13,7 +13,7 @@ from moar_companion.config import Supervision
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.power import Meter, PowerModel
 from moar_companion.safety.failsafe_exposure import FailsafeExposure
-from moar_companion.telemetry import PeerHeartbeat, Telemetry
+from moar_companion.telemetry import Battery, PeerHeartbeat, Telemetry
 
 from ..planner.problems import conductor, make_site, make_vehicle
 
@@ -128,3 +128,60 @@ def test_a_hold_on_low_battery_counts_as_the_landing_on_critical_battery():
     assert reason(watch, ABOVE, 0.7 + 40.0 / flight_s) is None
     assert reason(watch, ABOVE, 0.7 + 20.0 / flight_s) == "landing in 20 s hits wire"
     assert reason(watch, BESIDE, 0.7 + 20.0 / flight_s) is None
+
+
+def test_at_an_unknown_place_the_last_known_exposure_counts():
+    watch = watching(NAV_DLL_ACT=3.0)
+    assert reason(watch, ABOVE) is None
+    assert reason(watch, None, now_s=121.0) == "GCS loss hits wire: 121 s (120)"
+
+
+def test_in_the_first_seconds_beside_the_obstacle_the_reason_names_no_obstacle():
+    watch = watching(NAV_DLL_ACT=3.0)
+    assert reason(watch, ABOVE) is None
+    assert reason(watch, ABOVE, now_s=120.0) is None
+    assert reason(watch, BESIDE, now_s=121.0) == "failsafe hits obstacle: 121 s (120)"
+    assert reason(watch, BESIDE, now_s=123.0) is None
+
+
+# Voltage thresholds
+
+FOUR_CELLS = PowerModel.of(replace(make_vehicle(), risk=replace(make_vehicle().risk, cells=4)))
+LANDS_AT_14_V = {"BATT_FS_LOW_ACT": 1.0, "BATT_LOW_VOLT": 14.0, "BATT_LOW_MAH": 0.0}
+
+
+def voltage_reason(power, voltage_v, charge, *, place_m=ABOVE, leaving_s=0.0):
+    """The reason beside a battery that lands the aircraft at 14 V, without a charge threshold."""
+    battery = Battery(
+        received_s=0.0, remaining=None, voltage_v=voltage_v, current_a=None, charge_state=None
+    )
+    telemetry = Telemetry(ground_station=STATION.ground_station, batteries={0: battery})
+    watch = FailsafeExposure(Supervision(), power)
+    parameters = dict.fromkeys(profile(autopilots.ARDUPILOT).failsafe_parameters) | LANDS_AT_14_V
+    assert watch.learn(autopilots.ARDUPILOT, parameters, None, telemetry)
+    left = Meter(left_wh=charge * power.capacity_wh)
+    watch.look(place_m, REACH, telemetry, left, 0.0)
+    return watch.reason(telemetry, left, leaving_s=leaving_s, limit_s=120.0, from_s=0.0, now_s=0.0)
+
+
+def test_a_voltage_near_its_threshold_counts_as_reached():
+    """A climb makes a cell sag by 3 %."""
+    assert voltage_reason(POWER, 14.5, 1.0) is None
+    assert voltage_reason(POWER, 14.4, 1.0) == "landing in 0 s hits wire"
+
+
+def test_a_voltage_threshold_far_away_has_no_time_without_the_number_of_cells():
+    assert voltage_reason(POWER, 16.0, 0.3) is None
+    assert voltage_reason(POWER, 16.0, 0.3, place_m=BESIDE, leaving_s=60.0) is None
+
+
+def test_a_voltage_threshold_has_a_time_with_the_number_of_cells():
+    # 3.5 V a cell are 2/7 of the way from 3.4 V to 3.75 V.
+    flight_s = FOUR_CELLS.capacity_wh / FOUR_CELLS.hover_w * 3600.0
+    at = 2.0 / 7.0 + 20.0 / flight_s
+    assert voltage_reason(FOUR_CELLS, 16.0, at) == "landing in 20 s hits wire"
+    assert voltage_reason(FOUR_CELLS, 16.0, at + 20.0 / flight_s) is None
+
+
+def test_the_voltage_of_a_port_without_a_battery_does_not_count():
+    assert voltage_reason(POWER, 0.4, 1.0) is None

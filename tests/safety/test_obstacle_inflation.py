@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import weakref
 from dataclasses import replace
 
@@ -139,3 +140,10 @@ def test_on_a_large_site_one_inflated_planner_is_kept(exact):
     planners.widened_by(0.4)
     gc.collect()
     assert built() is None
+
+
+def test_a_need_just_above_a_whole_step_is_covered_by_the_next_one():
+    for steps in range(1, 60):
+        needed_m = math.nextafter(steps * STEP_M, math.inf)
+        width_m = ObstacleInflation().followed(needed_m, 0.0).width_m
+        assert needed_m <= width_m < needed_m + STEP_M + 1e-9

@@ -1,6 +1,7 @@
 """A site from a cloud: the plane, its obstacles, its landing places, against the made scene."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -142,3 +143,18 @@ def test_bundles_are_two_discs_and_the_standoff_is_of_the_nearer(tmp_path):
 def test_the_text_is_yaml_with_the_same_content():
     section = survey(Scene(10).with_wires(DOUBLE_CIRCUIT).with_ground(), name="a: b # c")
     assert yaml.safe_load(site_text(section.document, ["remark: #1"])) == section.document
+
+
+def test_without_ground_beneath_the_line_its_height_is_that_of_the_nearest_ground(tmp_path):
+    """As over water, which reflects no light."""
+    scene = Scene(3, length_m=60.0).with_wires(
+        [replace(each, per_m=1.5) for each in DOUBLE_CIRCUIT[:3]]
+    )
+    for side in (-26.0, 14.0):
+        beside = Scene(4, length_m=60.0).with_ground(0.5, 12.0)
+        scene.points.append(beside.cloud + np.array([*(side * scene.left), 0.0]))
+        scene.labels.append(beside.label)
+    site = loaded(survey(scene, along_m=30.0), tmp_path)
+    assert site.frame.origin.altitude_amsl_m == pytest.approx(200.0, abs=0.3)
+    lowest_m = min(each.position_m[1] for each in site.obstacles if isinstance(each, Conductor))
+    assert lowest_m == pytest.approx(12.0, abs=0.5)

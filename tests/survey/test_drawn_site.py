@@ -249,3 +249,17 @@ def beside(place, start, end):
     share = ((x - start[0]) * along + (z - start[1]) * up) / (along**2 + up**2)
     share = min(max(share, 0.0), 1.0)
     return math.hypot(x - start[0] - share * along, z - start[1] - share * up)
+
+
+def test_the_plane_is_the_same_whichever_way_the_conductors_are_drawn(tmp_path):
+    head, *rows = LINE.splitlines()
+    drawn, back = site(LINE, tmp_path), site("\n".join([head, *reversed(rows)]), tmp_path)
+    assert back.frame.azimuth_deg == pytest.approx(drawn.frame.azimuth_deg)
+    places = [{each.name: each.position_m for each in it.obstacles} for it in (drawn, back)]
+    for name, position_m in places[0].items():
+        assert places[1][name] == pytest.approx(position_m, abs=0.01)
+
+
+def test_a_conductor_with_two_points_at_one_place_is_refused_by_name():
+    twice = row("conductor", "twice", 3, 3, 9)
+    assert "twice: has two points at one place" in refused(LINE + twice + twice)

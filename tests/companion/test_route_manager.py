@@ -1,0 +1,163 @@
+"""Requests for routes and their answers, on a small site without an autopilot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from moar_companion import autopilots
+from moar_companion.companion.route_manager import RouteManager
+from moar_companion.config import CompanionConfig, shipped_configs
+from moar_companion.estimation.pose import Pose
+from moar_companion.estimation.pose_tracker import SiteMaps
+from moar_companion.guidance.splice import Adoption
+from moar_companion.mission.values import Task
+from moar_companion.planner.plane_fence import Bound, PlaneFence
+from moar_companion.planner.planner import Planner
+from moar_companion.planning.plan_jobs import answer_job
+from moar_companion.planning.planner_set import PlannerSet
+from moar_companion.risk import RiskEstimate
+from moar_companion.types import Mission, RiskIndices
+
+from ..losses import loss_of
+from ..planner.problems import make_site, make_vehicle
+
+INSPECTION = Task(mission=Mission.INSPECTION, stops=("target",))
+EXIT = Task(mission=Mission.EXIT)
+CALM = RiskIndices()
+STEP_S = 0.1
+
+
+def pose(x_m, z_m):
+    return Pose(position_m=(x_m, 0.0, z_m), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
+
+
+START = pose(0.5, 4.5)
+
+
+class Routes:
+    """A route manager beside a planner; the aircraft is wherever its setpoint is."""
+
+    def __init__(self, *, known=True):
+        self.planner = Planner(make_site(exits=[(-3.0, 4.5)]), make_vehicle())
+        self.recorded = []
+        reports = SimpleNamespace(record=self._record, send_text=lambda *_, **__: None)
+        self.manager = RouteManager(
+            SiteMaps(site=self.planner.site, maps=self.planner.maps),
+            self.planner.vehicle,
+            CompanionConfig(vehicle=shipped_configs()),
+            reports,
+            self.planner.site.margin,
+        )
+        limits = self.manager.limits
+        limits.offboard_loss.loss = loss_of(autopilots.PX4) if known else None
+        limits._fences.not_ready_reason = None
+        self.now_s = 0.0
+
+    def _record(self, kind, _now_s, **data):
+        self.recorded.append((kind, data.get("reason")))
+
+    def begin(self, task=INSPECTION):
+        """Begins a task; returns its request with the answer."""
+        assert self.manager.ask(task, START, CALM, self.now_s, first=True)
+        (job,) = self.manager.plan_jobs()
+        taken = self.answered(job)
+        assert self.adopted(*taken) is Adoption.NEW_PATH
+        return taken
+
+    def answered(self, job):
+        self.manager.plan_answered(answer_job(PlannerSet(self.planner), job))
+        return self.manager.taken(self.now_s)
+
+    def adopted(self, awaited, answer):
+        estimate = RiskEstimate.unknown(self.planner.vehicle.risk)
+        return self.manager.adopt(awaited, answer, estimate, self.now_s)
+
+    def fly(self, *, until, most_s=60.0):
+        here = START
+        while not until(self.manager.flight) and self.now_s < most_s:
+            self.manager.flight.advance(here, STEP_S)
+            here = replace(here, position_m=self.manager.flight.progress(here).setpoint.position_m)
+            self.now_s += STEP_S
+        return here
+
+    def asked(self, where, task=INSPECTION):
+        """The jobs that a cycle with the aircraft at this place requests."""
+        self.manager.replan(task, where, CALM, self.now_s)
+        return self.manager.plan_jobs()
+
+
+def test_no_plan_is_requested_before_the_position_is_known():
+    routes = Routes()
+    assert not routes.manager.ask(INSPECTION, None, CALM, 0.0, first=True)
+    assert (routes.manager.plan_jobs(), routes.manager.flight) == ([], None)
+
+
+def test_no_plan_is_requested_before_the_offboard_loss_action_is_known():
+    routes = Routes(known=False)
+    assert not routes.manager.ask(INSPECTION, START, CALM, 0.0, first=True)
+    assert (routes.manager.plan_jobs(), routes.manager.flight) == ([], None)
+
+
+def test_a_plan_that_comes_after_the_flights_end_is_not_flown():
+    routes = Routes()
+    routes.manager.ask(INSPECTION, START, CALM, 0.0, first=True)
+    (job,) = routes.manager.plan_jobs()
+    taken = routes.answered(job)
+    routes.manager.end()
+    assert routes.adopted(*taken) is Adoption.TOO_LATE
+    assert routes.manager.flight is None
+
+
+def test_an_aircraft_off_its_path_for_a_second_gets_a_plan_from_its_own_place():
+    routes = Routes()
+    routes.begin()
+    beside = pose(0.5, 1.5)
+    assert routes.asked(beside) == []
+    routes.now_s += 0.9
+    assert routes.asked(beside) == []
+    routes.now_s += 0.2
+    (job,) = routes.asked(beside)
+    assert job.request.start_m == pytest.approx((0.5, 1.5))
+    assert routes.recorded[-1] == ("replan", "3.0 m off the path")
+
+
+def test_an_aircraft_that_returns_to_its_path_within_a_second_gets_no_new_plan():
+    routes = Routes()
+    routes.begin()
+    for seconds, here in ((0.5, pose(0.5, 1.5)), (0.3, START), (0.9, pose(0.5, 1.5))):
+        routes.now_s += seconds
+        assert routes.asked(here) == []
+
+
+def test_another_fence_of_the_autopilot_is_planned_for_at_once():
+    routes = Routes()
+    routes.begin()
+    fence = PlaneFence(bounds=(Bound(name="polygon", x_m=((-5.0, 9.0),)),), margin_m=0.5)
+    routes.manager.limits.fence = fence
+    (job,) = routes.asked(START)
+    assert job.fence == fence
+    assert routes.recorded[-1] == ("replan", "the autopilot's fence is another")
+    routes.adopted(*routes.answered(job))
+    assert routes.asked(START) == []
+
+
+def test_a_landing_leg_that_a_pilot_interrupted_is_resumed_only_at_a_known_position():
+    routes = Routes()
+    routes.begin(EXIT)
+    here = routes.fly(until=lambda flight: flight.on_leg and flight.progress(START).left_m < 1.0)
+    routes.manager.end()
+    assert not routes.manager.resume(EXIT, None)
+    assert routes.manager.flight is None
+    assert routes.manager.resume(EXIT, here)
+    assert routes.manager.flight.on_leg
+
+
+def test_an_interrupted_landing_leg_serves_no_other_task():
+    routes = Routes()
+    routes.begin(EXIT)
+    here = routes.fly(until=lambda flight: flight.on_leg and flight.progress(START).left_m < 1.0)
+    routes.manager.end()
+    assert not routes.manager.resume(Task(mission=Mission.EVACUATION), here)

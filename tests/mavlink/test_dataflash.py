@@ -1,0 +1,45 @@
+"""Messages of ArduPilot's onboard log, read from made files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from moar_companion.mavlink.dataflash import MAGIC, rows
+
+from ..replay.test_dataflash import definition, entry
+
+FORMATS = definition(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+MODE = definition(130, "MODE", "QB", "TimeUS,ModeNum") + entry(130, "QB", 40_500_000, 4)
+
+
+def read(path, content, *names):
+    path.write_bytes(FORMATS + content)
+    return list(rows(str(path), names))
+
+
+def is_open(path):
+    """True if this process has the file open."""
+    return path in {each.resolve() for each in Path("/proc/self/fd").iterdir()}
+
+
+def test_only_the_named_messages_are_read_with_their_seconds_since_boot(tmp_path):
+    attitude = definition(131, "ATT", "Qf", "TimeUS,Roll") + entry(131, "Qf", 41_000_000, 1.5)
+    assert FORMATS.startswith(MAGIC)
+    ((time_s, (name, fields)),) = read(tmp_path / "log.bin", MODE + attitude, "ATT")
+    assert (time_s, name, fields["Roll"]) == (41.0, "ATT", 1.5)
+
+
+def test_messages_without_a_time_in_microseconds_are_left_out(tmp_path):
+    old = definition(131, "ATT", "If", "TimeMS,Roll") + entry(131, "If", 40_000, 1.5)
+    found = read(tmp_path / "log.bin", old + MODE, "ATT", "MODE")
+    assert [(time_s, name) for time_s, (name, _) in found] == [(40.5, "MODE")]
+
+
+def test_a_log_with_a_broken_definition_is_an_error_and_its_file_is_closed(tmp_path):
+    path = tmp_path / "broken.bin"
+    broken = definition(131, "GPS", "QB", "TimeUS,Status,GMS,GWk") + entry(131, "QB", 1, 3)
+    with pytest.raises(IndexError):
+        read(path, broken, "GPS")
+    assert not is_open(path)
