@@ -50,6 +50,7 @@ def raising(error):
     return command
 
 
+@pytest.mark.slow
 def test_plan_runs_as_a_program():
     result = run(*PLAN)
     assert result.returncode == 0

@@ -56,7 +56,12 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_written(
 
 @pytest.mark.parametrize(
     ("ending", "module"),
-    [("las", "laspy"), ("ply", "plyfile"), ("pcd", "pypcd4"), ("pcap", "velodyne_decoder")],
+    [
+        pytest.param("las", "laspy", marks=pytest.mark.slow),
+        ("ply", "plyfile"),
+        ("pcd", "pypcd4"),
+        ("pcap", "velodyne_decoder"),
+    ],
 )
 def test_without_the_extra_a_point_cloud_is_refused(ending, module, tmp_path):
     cloud = tmp_path / f"scan.{ending}"

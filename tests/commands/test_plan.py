@@ -157,7 +157,12 @@ def test_the_alternatives_are_listed_and_drawn(plan, site, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "mission", [pytest.param("inspection", marks=pytest.mark.slow), "exit", "evacuation"]
+    "mission",
+    [
+        pytest.param("inspection", marks=pytest.mark.slow),
+        pytest.param("exit", marks=pytest.mark.slow),
+        "evacuation",
+    ],
 )
 def test_the_refined_path_is_printed_and_drawn_beside_the_plan(
     mission, plan, site, tmp_path, capsys

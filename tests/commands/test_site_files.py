@@ -134,6 +134,7 @@ def test_the_picture_shows_wires_ground_and_the_plane(cloud, at, tmp_path):
         assert near.sum() > 20
 
 
+@pytest.mark.slow
 def test_a_site_is_shown_and_read_back(tmp_path, capsys):
     names = {"--kml": "s.kml", "--geojson": "s.geojson", "--qgc-plan": "s.plan"}
     files = [str(word) for option, name in names.items() for word in (option, tmp_path / name)]

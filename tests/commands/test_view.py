@@ -228,7 +228,13 @@ def test_a_service_that_ends_before_its_first_status_is_reported(view):
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--once", "--json"), ("",), ("a.sock", "b.sock"), ("--twice",)]
+    "arguments",
+    [
+        ("--once", "--json"),
+        ("",),
+        ("a.sock", "b.sock"),
+        pytest.param(("--twice",), marks=pytest.mark.slow),
+    ],
 )
 def test_a_wrong_command_line_is_one_line_and_status_2(view, arguments):
     status, output, errors = view(*arguments)

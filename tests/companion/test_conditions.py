@@ -202,6 +202,7 @@ def test_jumps_that_add_up_are_held_until_a_new_order():
     assert desk.state == "flying"
 
 
+@pytest.mark.slow
 def test_a_planner_that_fails_in_flight_slows_the_flight_down_and_then_holds_it():
     desk = Desk().come_to("flying", then_s=1.0)
     desk.plan_delay_s = None
@@ -372,6 +373,7 @@ def test_a_hold_ends_like_any_flight_when_the_pilot_takes_over():
     assert not desk.setpoints(took)
 
 
+@pytest.mark.slow
 def test_no_setpoint_jumps_while_conditions_begin_and_end():
     desk = Desk().come_to("flying", then_s=2.0)
     began = desk.now_s
@@ -425,6 +427,7 @@ def test_obstacles_stay_as_wide_as_they_were_when_the_receiver_falls_silent():
     assert desk.jobs[-1].widening_m >= 0.8
 
 
+@pytest.mark.slow
 def test_a_condition_that_still_holds_after_its_cause_is_over_is_reported_again():
     desk = Desk().set(reset_counter=0).come_to("flying", then_s=2.0)
     desk.jump(0.0, -2.0, -4.0).set(reset_counter=1).run(11.0)

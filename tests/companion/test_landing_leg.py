@@ -88,10 +88,8 @@ def test_after_a_short_hold_for_room_the_flight_resumes_along_the_leg(desk, batt
     assert along_m(desk) > place_m
 
 
-@pytest.mark.parametrize(
-    ("battery_percent", "flown_to"),
-    [(90, "landing_leg"), pytest.param(15, "holding", marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("battery_percent", "flown_to"), [(90, "landing_leg"), (15, "holding")])
 def test_where_room_stays_too_small_the_aircraft_leaves_by_a_wider_route(
     desk, battery_percent, flown_to
 ):
@@ -121,6 +119,7 @@ def test_an_order_that_stopped_the_aircraft_and_fails_lets_the_leg_resume(desk, 
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
+@pytest.mark.slow
 def test_a_jump_beside_the_leg_is_faded_back_before_the_flight_resumes(desk):
     desk.jump(0.0, 0.0, 0.25).run(0.2)
     desk.pause().run(1.0)
@@ -190,9 +189,8 @@ def given_back(desk):
     return desk.run_until("landing_leg", 60.0)
 
 
-@pytest.mark.parametrize(
-    ("order", "beside_m"), [pytest.param("exit", 1.2, marks=pytest.mark.slow), ("continue", 0.0)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("order", "beside_m"), [("exit", 1.2), ("continue", 0.0)])
 def test_a_leg_that_a_pilot_has_interrupted_is_continued_from_near_it(order, beside_m):
     desk = taken_over(0.0, 0.0, -beside_m)
     asked, place_m = len(desk.jobs), along_m(desk)

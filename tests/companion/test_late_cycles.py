@@ -74,6 +74,7 @@ def test_a_late_cycle_requests_no_mode():
     assert desk.run(0.3).mode_requests() == []
 
 
+@pytest.mark.slow
 def test_a_landing_requested_in_a_late_cycle_is_requested_again_once():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
     desk.companion._executor.mode_requester.forget_landing()

@@ -237,7 +237,7 @@ def test_a_mission_that_is_denied_above_the_landing_point_leaves_the_landing_req
     assert len(desk.mode_requests()) == 1
 
 
-@pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
+@pytest.mark.parametrize("autopilot", [pytest.param(PX4, marks=pytest.mark.slow), ARDUPILOT])
 def test_a_landing_that_does_not_begin_is_requested_twice_more_and_then_left_to_the_pilot(
     autopilot,
 ):

@@ -202,7 +202,8 @@ def test_a_plan_that_comes_too_late_to_be_joined_is_made_again_from_rest(delay_s
     assert "at_target" not in [change["state"] for change in desk.decided("state")]
 
 
-@pytest.mark.parametrize("mission", [pytest.param(EXIT, marks=pytest.mark.slow), EVACUATION])
+@pytest.mark.slow
+@pytest.mark.parametrize("mission", [EXIT, EVACUATION])
 def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_reached_its_end(mission):
     desk = Desk(authority=Authority.ENGAGE).come_to("at_target").order(mission).run(4.0)
     assert desk.state == "flying"

@@ -41,6 +41,7 @@ def test_an_aircraft_that_stops_following_is_reported_and_so_is_its_recovery():
     assert desk.said("MOAR: no progress")
 
 
+@pytest.mark.slow
 def test_a_frozen_position_with_a_running_clock_is_reported():
     desk = Desk(height_m=5.0).come_to("flying", then_s=5.0)
     frozen = desk.position_ned_m
@@ -49,7 +50,7 @@ def test_a_frozen_position_with_a_running_clock_is_reported():
     assert desk.said("MOAR: no progress, 1.5 m from setpoint")
 
 
-@pytest.mark.parametrize("growth", [0.3, 0.02])
+@pytest.mark.parametrize("growth", [0.3, pytest.param(0.02, marks=pytest.mark.slow)])
 def test_a_position_on_a_link_that_falls_behind_is_stale(growth):
     desk = Desk().come_to("flying", then_s=1.0).pause().run(1.0)
     while desk.state == "holding" and desk.late_s < 1.0:
@@ -234,8 +235,24 @@ def at_the_last_target():
     return desk.order(INSPECTION, 0.0).run(0.3).run_until("holding", 60.0)
 
 
-@pytest.mark.parametrize("when", ["it makes it hold", "it holds already", "every target is done"])
-@pytest.mark.parametrize("jump_ned_m", [(0.0, 0.0, -4.0), (0.0, -3.5, 0.0)])
+@pytest.mark.parametrize(
+    ("jump_ned_m", "when"),
+    [
+        pytest.param((0.0, 0.0, -4.0), "it makes it hold", id="jump_ned_m0-it makes it hold"),
+        pytest.param((0.0, 0.0, -4.0), "it holds already", id="jump_ned_m0-it holds already"),
+        pytest.param(
+            (0.0, 0.0, -4.0),
+            "every target is done",
+            id="jump_ned_m0-every target is done",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param((0.0, -3.5, 0.0), "it makes it hold", id="jump_ned_m1-it makes it hold"),
+        pytest.param((0.0, -3.5, 0.0), "it holds already", id="jump_ned_m1-it holds already"),
+        pytest.param(
+            (0.0, -3.5, 0.0), "every target is done", id="jump_ned_m1-every target is done"
+        ),
+    ],
+)
 def test_a_hold_stays_at_the_aircraft_after_any_position_jump(when, jump_ned_m):
     if when == "every target is done":
         desk = at_the_last_target()

@@ -236,6 +236,7 @@ def test_each_of_several_conductors_seen_at_once_is_reported(desk):
     assert sum("MOAR: wire" in text for text in desk.texts()) == 4
 
 
+@pytest.mark.slow
 def test_a_target_in_a_seen_keep_out_is_moved_and_still_looked_at():
     desk = Watched(height_m=9.0, east_m=-10.0).fly(0.5)
     target = desk.site.target("splice-inner")

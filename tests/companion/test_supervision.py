@@ -144,7 +144,9 @@ def test_with_resume_the_flight_continues_from_the_aircrafts_place_when_the_mode
     assert desk.state == "flying"
 
 
-@pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
+@pytest.mark.parametrize(
+    "state", ["ready", "flying", pytest.param("at_target", marks=pytest.mark.slow)]
+)
 def test_an_autopilot_failsafe_ends_the_stream_and_its_end_restarts_nothing(state):
     desk = Desk().come_to(state)
     desk.say_heartbeat(AUTO_HOLD, CRITICAL)
@@ -369,6 +371,7 @@ def at_the_end(behind_m):
     return desk
 
 
+@pytest.mark.slow
 def test_the_target_is_reached_only_when_the_aircraft_reaches_it():
     desk = at_the_end(0.8).run(2.0)
     assert desk.state == "flying"
@@ -383,6 +386,7 @@ def test_the_target_is_reached_when_the_aircraft_stays_slightly_beside_its_setpo
     assert desk.state == "at_target"
 
 
+@pytest.mark.slow
 def test_the_target_is_not_reached_when_the_aircraft_stays_far_from_its_setpoint():
     desk = at_the_end(0.8).fall_behind(0.0, 1.6, 0.0).run(20.0)
     assert not desk.said("MOAR: at target")

@@ -225,6 +225,7 @@ def left_after_exit(desk):
     return next(report for report in reports if report.name == "flight time left after exit")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("landed", ["silent", "undefined"])
 def test_a_landed_state_no_longer_reported_changes_nothing(landed):
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
@@ -261,9 +262,8 @@ def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
     assert desk.companion.risk.indices.battery >= before - 0.01
 
 
-@pytest.mark.parametrize(
-    "planner", [pytest.param("has no way", marks=pytest.mark.slow), "is silent"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("planner", ["has no way", "is silent"])
 def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=4.5)  # just after a round of requests, not just before one

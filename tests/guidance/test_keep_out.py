@@ -107,6 +107,7 @@ def test_a_worse_position_accuracy_inflates_obstacles_and_the_mission_continues(
     assert not desk.said("holding")
 
 
+@pytest.mark.slow
 def test_a_worse_height_accuracy_holds_until_it_improves(desk):
     """A gust disturbs the barometer, while the receiver's accuracy is good."""
     desk.set(accuracy_m=0.3).come_to("flying", then_s=4.0)

@@ -119,6 +119,7 @@ def test_a_setpoint_beside_its_trajectory_first_moves_to_the_trajectory():
     assert reference.arrived
 
 
+@pytest.mark.slow
 @properties
 @given(
     walk=grid_walks(1),

@@ -33,7 +33,14 @@ def pixels(content):
     return imread(io.BytesIO(content), format="png")
 
 
-@pytest.mark.parametrize("mission", list(Mission))
+@pytest.mark.parametrize(
+    "mission",
+    [
+        pytest.param(Mission.INSPECTION, marks=pytest.mark.slow),
+        Mission.EXIT,
+        Mission.EVACUATION,
+    ],
+)
 def test_a_plan_is_a_picture_of_many_colours(mission):
     plan, content = drawn(SITE, mission=mission, start=(14.0, 12.0), velocity=(2.0, -1.0))
     assert plan.status.value == "found"

@@ -53,6 +53,7 @@ def pixels(replay):
     return image.imread(stream)[..., :3]
 
 
+@pytest.mark.slow
 def test_a_picture_has_a_panel_more_for_clearance_and_a_band_more_for_missions():
     times_s = np.arange(0.0, 20.0, 0.5)
     plain = pixels(replay_of([sample(t) for t in times_s]))

@@ -194,6 +194,7 @@ def test_damaged_packets_are_counted():
     assert health.refused == 2
 
 
+@pytest.mark.slow
 def test_a_jump_of_the_estimate_moves_everything_with_it():
     scene = LidarScene(wires=(CABLE,), boxes=(CRANE,))
     rig = Rig(scene, HOVER)

@@ -73,6 +73,7 @@ UNSHAPED = {"/machine/calls": {"calls"}, "/decision": {"data"}}
 """Content without a fixed shape, which no panel plots."""
 
 
+@pytest.mark.slow
 def test_every_message_fits_the_schema_of_its_channel(messages):
     for topic, contents in messages.items():
         for content in contents:

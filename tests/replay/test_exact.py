@@ -102,6 +102,7 @@ def made(flight):
     return sum(call.method == "maps_answered" for call in flight.calls)
 
 
+@pytest.mark.slow
 def test_maps_that_failed_are_not_made_in_the_replay(calls):
     replay = ExactReplay()
     for call in calls[:50]:

@@ -130,6 +130,7 @@ def test_the_planners_of_recent_inflations_are_kept(exact):
     assert planners.widened_by(0.0) is exact
 
 
+@pytest.mark.slow
 def test_on_a_large_site_one_inflated_planner_is_kept(exact):
     space = replace(exact.site.workspace, resolution_m=0.03)
     planners = PlannerSet(Planner(replace(exact.site, workspace=space), exact.vehicle))

@@ -217,7 +217,14 @@ def test_the_heading_stays_on_the_inspected_target():
 
 
 @pytest.mark.parametrize("authority", ENGAGE_FIRST)
-@pytest.mark.parametrize("action", [1, 2, 4], ids=["return", "land", "brake"])
+@pytest.mark.parametrize(
+    "action",
+    [
+        pytest.param(1, id="return"),
+        pytest.param(2, id="land", marks=pytest.mark.slow),
+        pytest.param(4, id="brake", marks=pytest.mark.slow),
+    ],
+)
 def test_a_fence_breach_with_status_active_ends_control_like_a_takeover(authority, action):
     fence = {"FENCE_ENABLE": 1, "FENCE_ACTION": action}
     flight = in_flight(authority=authority, options={"parameters": fence})

@@ -85,6 +85,7 @@ def test_a_low_battery_without_an_action_ends_an_inspection_with_an_exit():
     assert flight.state == "landing_leg"
 
 
+@pytest.mark.slow
 def test_an_rc_loss_that_does_not_end_guided_holds_the_mission_which_then_resumes():
     flight = in_flight(options={"parameters": GOES_ON})
     lost_s = flight.now_s
@@ -150,6 +151,7 @@ def test_a_landing_ordered_during_a_failsafe_is_not_reported_as_the_failsafes():
     assert not flight.operator.has_received("failsafe chose")
 
 
+@pytest.mark.slow
 def test_a_landing_that_a_second_failsafe_chooses_is_reported_as_the_failsafes():
     critical = WARNS | {"BATT_CRT_VOLT": LOW_V - 1.0, "BATT_FS_CRT_ACT": 1}
     flight = in_flight(options={"parameters": critical})

@@ -80,6 +80,7 @@ def test_a_jump_beyond_the_limit_holds_until_an_operator_orders_again(manner):
     assert flight.state == "flying"
 
 
+@pytest.mark.slow
 def test_a_small_reset_is_detected_only_by_the_estimators_reset_counter():
     """PX4 counts resets in ODOMETRY; an ArduPilot flies the same step back."""
     flight = in_flight()

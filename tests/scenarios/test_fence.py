@@ -225,6 +225,7 @@ def test_no_mission_starts_before_the_fence_is_read():
     assert ACCEPTED not in flight.operator.answers()
 
 
+@pytest.mark.slow
 def test_the_fence_is_centred_on_the_home_of_the_flight():
     """Taken off elsewhere, the same radius lets the exit through."""
     flight = fenced(Manner.PX4, CIRCLE[Manner.PX4](20.0))

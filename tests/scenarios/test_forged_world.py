@@ -127,7 +127,10 @@ def reported(flight, cause):
     [
         pytest.param(Manner.PX4, 0.3, marks=pytest.mark.slow),
         (Manner.ARDUPILOT, 0.3),
-        *itertools.product(Manner, (0.6, 0.9)),
+        pytest.param(Manner.PX4, 0.6, marks=pytest.mark.slow),
+        (Manner.PX4, 0.9),
+        (Manner.ARDUPILOT, 0.6),
+        (Manner.ARDUPILOT, 0.9),
     ],
 )
 def test_a_position_that_is_received_again_late_moves_no_setpoint(manner, late_s):

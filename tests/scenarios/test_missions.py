@@ -233,6 +233,7 @@ def test_from_a_hold_on_the_landing_leg_an_inspection_begins_with_a_checked_leg_
     judged(flight)
 
 
+@pytest.mark.slow
 def test_a_hold_on_the_landing_leg_can_be_continued():
     flight = held_on_the_landing_leg()
     flight.operator.go_on()

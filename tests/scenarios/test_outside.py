@@ -33,7 +33,7 @@ from ..flights.operator import (
     TEMPORARILY_REJECTED,
     Manner,
 )
-from .marks import ARDUPILOT_FIRST, BOTH
+from .marks import ARDUPILOT_FIRST
 
 PX4, ARDUPILOT = Manner.PX4, Manner.ARDUPILOT
 RIGHT_M = 30.0
@@ -120,7 +120,7 @@ def test_after_a_takeover_on_the_landing_leg_an_order_flies_the_rest_of_the_leg(
     assert operator.has_received("MOAR: above the landing point, holding")
 
 
-@BOTH
+@ARDUPILOT_FIRST
 @pytest.mark.parametrize("past_m", [-0.6, 0.3])
 def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, past_m):
     flight = hovering(manner=manner)
@@ -165,7 +165,7 @@ def test_outside_on_the_landing_leg_another_escape_route_is_flown(manner, how, m
     assert flight.operator.has_received("MOAR: above the landing point, holding")
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_after_a_crash_without_a_state_file_there_is_nothing_to_continue(manner):
     flight = left(manner, "crash")
     flight.operator.go_on()
@@ -202,9 +202,12 @@ def test_above_the_landing_point_a_second_exit_does_not_move_the_aircraft(manner
 @pytest.mark.parametrize(
     ("manner", "start_m", "mission"),
     [
-        *itertools.product((ARDUPILOT,), ((27.0, 0.0), (15.0, 0.0)), (INSPECTION, EXIT)),
+        (ARDUPILOT, (27.0, 0.0), INSPECTION),
+        (ARDUPILOT, (27.0, 0.0), EXIT),
+        pytest.param(ARDUPILOT, (15.0, 0.0), INSPECTION, marks=pytest.mark.slow),
+        (ARDUPILOT, (15.0, 0.0), EXIT),
         pytest.param(ARDUPILOT, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
-        (ARDUPILOT, (33.0, 0.0), EXIT),
+        pytest.param(ARDUPILOT, (33.0, 0.0), EXIT, marks=pytest.mark.slow),
         pytest.param(PX4, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
     ],
 )

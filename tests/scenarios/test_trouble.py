@@ -174,7 +174,7 @@ def test_a_link_cut_in_both_directions_ends_the_stream_even_after_the_link_retur
     assert flight.operator.in_mode("ours") is (manner is Manner.ARDUPILOT)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_a_link_cut_towards_the_companion_alone_ends_the_stream(manner):
     flight = in_flight(manner=manner)
     cut = flight.now_s

@@ -265,6 +265,7 @@ def test_a_broker_that_hangs_does_not_delay_the_end(tmp_path):
         assert "Traceback" not in errors
 
 
+@pytest.mark.slow
 def test_without_a_broker_the_mqtt_library_is_not_loaded():
     loaded = "import sys, moar_companion.service.app; print(*sys.modules)"
     modules = subprocess.run(

@@ -1,5 +1,7 @@
 """The machine as a whole: deterministic, independent of step size, fast enough to be useful."""
 
+import pytest
+
 from sitl.autopilot import FakeAutopilot, LinkOptions, Options
 from sitl.px4 import streams
 from sitl.scenario import Scenario
@@ -47,6 +49,7 @@ def test_time_that_does_not_advance_has_no_effect():
     assert vehicle.time_s == 2.0
 
 
+@pytest.mark.slow
 def test_a_link_without_a_reader_does_not_grow_without_limit():
     vehicle = FakeAutopilot(Options(links=(LinkOptions(name="only"),)))
     vehicle.step(300.0)

@@ -63,7 +63,10 @@ def _own(peer, since=0.0):
 
 @pytest.mark.parametrize(
     ("recording", "end"),
-    [("h0_boot_rates.companion.tlog", "companion"), ("a1_boot_offboard_takeoff.gcs.tlog", "gcs")],
+    [
+        pytest.param("h0_boot_rates.companion.tlog", "companion", marks=pytest.mark.slow),
+        ("a1_boot_offboard_takeoff.gcs.tlog", "gcs"),
+    ],
 )
 def test_the_set_of_messages_and_their_rates_are_px4s(make_flight, recording, end):
     flight = make_flight()
@@ -198,6 +201,7 @@ def _events(packets):
     return found
 
 
+@pytest.mark.slow
 def test_events_have_px4s_numbers_levels_and_arguments(make_flight):
     flight = make_flight()
     flight.take_off()

@@ -186,6 +186,7 @@ frame:
 """
 
 
+@pytest.mark.slow
 def test_a_lidar_sends_its_packets_in_order_from_the_start(tmp_path):
     scene = tmp_path / "scene.yaml"
     scene.write_text(SCENE)

@@ -42,6 +42,7 @@ def test_a_flight_that_is_flown_twice_has_the_same_trace(flight):
     assert found(flight, again) == {}
 
 
+@pytest.mark.slow
 def test_only_the_setpoint_that_differs_is_found_with_its_time(flight):
     changed = copy_of(flight)
     changed.setpoints = list(changed.setpoints)
