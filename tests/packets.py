@@ -36,6 +36,8 @@ class Packet:
 
     def __getattr__(self, name: str) -> Any:
         """Attribute of the message."""
+        if name.startswith("_"):
+            raise AttributeError(name)
         return getattr(self._message, name)
 
 

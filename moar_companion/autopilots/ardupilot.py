@@ -1,4 +1,4 @@
-"""ArduCopter: modes, messages, failsafes, fence, frame, flight. Rules: `ardupilot_parameters`.
+"""ArduCopter: modes, failsafes, fence, frame, flight; rules of check: `ardupilot_parameters`.
 
 Sources: ArduCopter 4.6.3, `ArduCopter/mode.h`, `events.cpp` (failsafe_radio_on_event,
 failsafe_gcs_on_event, handle_battery_failsafe, failsafe_deadreckon_check, do_failsafe_action),

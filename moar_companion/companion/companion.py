@@ -221,9 +221,9 @@ class Companion:
         """Takes the site when its planner is ready; from then on orders are executed."""
         self._orders.planner_ready(self._cycle_s or 0.0)
         self._site_maps = site_maps
-        host = self._executor.host
+        before = self._executor
         self._begin(site_maps)
-        self._executor.host = host
+        self._executor.take_over(before)
 
     def note_host(self, host: Host) -> None:
         """Takes the computer's free resources."""

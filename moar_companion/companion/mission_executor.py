@@ -134,6 +134,11 @@ class MissionExecutor:
         """Fraction of the planned speed that is flown."""
         return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
 
+    def take_over(self, before: MissionExecutor) -> None:
+        """Takes what an executor without a site has noted."""
+        self.host = before.host
+        self.risk_monitor.accuracies = before.risk_monitor.accuracies
+
     # The stages of a cycle, in this order
 
     def look_ahead(self, now_s: float) -> None:

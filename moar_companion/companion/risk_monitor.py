@@ -36,19 +36,19 @@ class RiskMonitor:
         """Contingency plans; None without a site."""
         self._answers: deque[PlanAnswer] = deque()
         """Answers to jobs of contingencies, for the next cycle."""
-        self._accuracies: tuple[object, ...] = ()
+        self.accuracies: tuple[object, ...] = ()
         """Reports of position accuracy that were last noted."""
 
     def note_accuracy(self, telemetry: Telemetry) -> bool:
         """Takes reports of position accuracy; True if one is new: the next setpoint needs it."""
-        before = self._accuracies
-        self._accuracies = (
+        before = self.accuracies
+        self.accuracies = (
             telemetry.gnss,
             telemetry.second_gnss,
             telemetry.estimator,
             telemetry.odometry,
         )
-        return self._accuracies != before
+        return self.accuracies != before
 
     def contingency_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job, for the next cycle."""

@@ -110,8 +110,8 @@ class ContingencyPlanner:
         self._queue: list[_Question] = []
         self._due_s = -math.inf
         self._routes: dict[_Question, RouteCost | None] = {}
+        """Routes of the last answers, of those with a plan; None where no answer had one."""
         self._starts: dict[_Question, Vector] = {}
-        """Routes of the last answers with a plan, None where none had one; their start points."""
         self._now_s = -math.inf
         self._failsafes = NO_FAILSAFES
         """Battery failsafes, which make a place exposed."""

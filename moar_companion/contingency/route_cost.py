@@ -54,7 +54,7 @@ class RouteCost:
         )
 
     def outcome(self, meter: Meter, power: PowerModel, now_s: float) -> Outcome:
-        """Returns what the battery has left after the route."""
+        """Returns its time and measured energy, the flight time left after it, and its age."""
         return Outcome(
             duration_s=self.duration_s,
             energy_wh=meter.factor * self.energy_wh,

@@ -11,7 +11,7 @@ from .grid import FloatArray, IntArray
 from .jit import F8, I8, jit
 
 
-@jit(I8, *HEAP, I8, F8, I8)
+@jit(I8, *HEAP, I8, F8, I8, helper=True)
 def put(
     keys: FloatArray, items: IntArray, position: IntArray, size: int, key: float, item: int
 ) -> int:
@@ -34,7 +34,7 @@ def put(
     return size
 
 
-@jit(I8, *HEAP, I8)
+@jit(I8, *HEAP, I8, helper=True)
 def take(keys: FloatArray, items: IntArray, position: IntArray, size: int) -> int:
     """Takes the least item, at index 0, out of the heap; the heap's size then."""
     position[items[0]] = -1

@@ -14,6 +14,7 @@ import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from types import CodeType
 from typing import Any, TypeVar
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -21,14 +22,15 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Type:
-    """A type of kernels. make: numba's own. fields: a named tuple's."""
+    """A type of kernels. name: in digests. make: numba's own. fields: a named tuple's."""
 
+    name: str
     make: Callable[[], Any]
     fields: tuple[str, ...] | None = None
 
 
 def _named(name: str) -> Type:
-    return Type(make=lambda: getattr(_numba(), name))
+    return Type(name=name, make=lambda: getattr(_numba(), name))
 
 
 BOOL, F8 = _named("boolean"), _named("float64")
@@ -38,22 +40,32 @@ none = _named("none")
 
 def read(scalar: Type, dimensions: int = 1) -> Type:
     """The type of an array that a kernel reads."""
-    return Type(make=lambda: _numba().types.Array(scalar.make(), dimensions, "C", readonly=True))
+    return Type(
+        name=f"read {dimensions} {scalar.name}",
+        make=lambda: _numba().types.Array(scalar.make(), dimensions, "C", readonly=True),
+    )
 
 
 def written(scalar: Type, dimensions: int = 1) -> Type:
     """The type of an array that a kernel writes, or makes."""
-    return Type(make=lambda: _numba().types.Array(scalar.make(), dimensions, "C"))
+    return Type(
+        name=f"written {dimensions} {scalar.name}",
+        make=lambda: _numba().types.Array(scalar.make(), dimensions, "C"),
+    )
 
 
 def several(*types: Type) -> Type:
     """The type of several results."""
-    return Type(make=lambda: _numba().types.Tuple([each.make() for each in types]))
+    return Type(
+        name=str([each.name for each in types]),
+        make=lambda: _numba().types.Tuple([each.make() for each in types]),
+    )
 
 
 def fields(named_tuple: Any, *types: Type) -> Type:
     """The type of a named tuple."""
     return Type(
+        name=f"{named_tuple.__name__} {[each.name for each in types]}",
         make=lambda: _numba().types.BaseTuple.from_types(
             [each.make() for each in types], named_tuple
         ),
@@ -67,8 +79,10 @@ class Kernel:
     Two threads that do so at once do it twice, one after the other (the compiler has a lock).
     """
 
-    def __init__(self, function: Any, answer: Type, arguments: tuple[Type, ...]) -> None:
-        self.is_helper = function.__name__.startswith("_")
+    def __init__(
+        self, function: Any, answer: Type, arguments: tuple[Type, ...], *, helper: bool
+    ) -> None:
+        self.is_helper = helper or function.__name__.startswith("_")
         """True: only kernels call it, and their machine code contains it."""
         function.__qualname__ += f"_{_taken_in(function, arguments)}"
         self.py_func = function
@@ -78,6 +92,12 @@ class Kernel:
     def __call__(self, *arguments: Any) -> Any:
         """The answer of the compiled function."""
         return self.ready(*arguments)
+
+    @property
+    def source(self) -> tuple[object, ...]:
+        """What the kernel does. Its name has the digest of what it takes from other files."""
+        types = [each.name for each in (self._answer, *self._arguments)]
+        return self.py_func.__qualname__, types, _instructions(self.py_func.__code__)
 
     @cached_property
     def ready(self) -> Any:
@@ -139,11 +159,11 @@ KERNELS: list[Kernel] = []
 """All kernels of the imported modules, in order."""
 
 
-def jit(answer: Type, *arguments: Type) -> Callable[[_Function], _Function]:
-    """Make a function a kernel for these types."""
+def jit(answer: Type, *arguments: Type, helper: bool = False) -> Callable[[_Function], _Function]:
+    """Make a function a kernel for these types. helper: only kernels of other files call it."""
 
     def decorator(function: _Function) -> _Function:
-        kernel: Any = Kernel(function, answer, arguments)
+        kernel: Any = Kernel(function, answer, arguments, helper=helper)
         KERNELS.append(kernel)
         made: _Function = kernel
         return made
@@ -190,15 +210,17 @@ def _taken_in(function: Any, types: tuple[Type, ...]) -> str:
     taken = [
         [each.fields for each in types],
         [each for each in named if isinstance(each, (int, float))],
-        [_source(each.py_func) for each in named if hasattr(each, "py_func")],
+        [each.source for each in named if isinstance(each, Kernel)],
     ]
     return hashlib.sha256(repr(taken).encode()).hexdigest()[:12]
 
 
-def _source(function: Any) -> tuple[object, ...]:
-    """What a called kernel does. Its name has the digest of what it takes from other files."""
-    code = function.__code__
-    return function.__qualname__, code.co_code, code.co_names, code.co_consts
+def _instructions(code: CodeType) -> tuple[object, ...]:
+    """What a function does, the same in each process."""
+    constants = [
+        _instructions(each) if isinstance(each, CodeType) else each for each in code.co_consts
+    ]
+    return code.co_code, code.co_names, constants
 
 
 def direct(kernel: Any) -> Callable[..., Any]:

@@ -28,7 +28,7 @@ BATTERY = {
     Charge.CRITICAL: (CRITICAL, "Critical battery", 19404811, 0x22),
     Charge.EMERGENCY: (EMERGENCY, "Emergency battery level", 28121863, 0x00),
 }
-"""Severity and text; number and log levels of the event."""
+"""By charge state: severity and text; number and log levels of the event."""
 ARMING_SUMMARY, NO_LOCAL_POSITION, NO_GLOBAL_POSITION = 27825120, 30612409, 26788467
 NO_MISSION, NO_OFFBOARD_SIGNAL, NO_STICKS = 17154777, 19865031, 17231145
 HEALTH_SUMMARY = 18691879
