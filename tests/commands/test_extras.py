@@ -58,8 +58,8 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_written(
     ("ending", "module"),
     [
         pytest.param("las", "laspy", marks=pytest.mark.slow),
-        ("ply", "plyfile"),
-        ("pcd", "pypcd4"),
+        pytest.param("ply", "plyfile", marks=pytest.mark.slow),
+        pytest.param("pcd", "pypcd4", marks=pytest.mark.slow),
         ("pcap", "velodyne_decoder"),
     ],
 )
@@ -90,7 +90,9 @@ def test_without_pyulog_a_log_is_refused(tmp_path):
     assert done.stderr == f"moar-companion: {line}\n"
 
 
-@pytest.mark.parametrize("command", [PLAN, ("replay", RECORDING)])
+@pytest.mark.parametrize(
+    "command", [PLAN, pytest.param(("replay", RECORDING), marks=pytest.mark.slow)]
+)
 def test_summary_and_json_need_no_extra(command, tmp_path):
     answer = tmp_path / "answer.json"
     done = run(*command, "--json", str(answer))

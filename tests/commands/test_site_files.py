@@ -199,6 +199,7 @@ def test_a_damaged_cloud_is_one_line(ending, content, reported, tmp_path, capsys
     assert not (tmp_path / "out.yaml").exists()
 
 
+@pytest.mark.slow
 def test_latitude_and_longitude_near_the_origin_are_no_metres(scene, cloud, tmp_path):
     # With 20 % of its size around it the cloud's metres reach over 6, 10.
     origin, sites = (6.0, 10.0, 200.0), []
@@ -287,6 +288,7 @@ def test_a_site_whose_landing_place_is_covered_is_shown_without_that_path(tmp_pa
     assert "inspection b" in shown.read_text()
 
 
+@pytest.mark.slow
 def test_a_map_gives_a_picture_of_its_survey_and_reports_the_parts_left_out(tmp_path, capsys):
     drawn, out, plot = (tmp_path / name for name in ("drawn.csv", "site.yaml", "site.png"))
     rows = [f"conductor,a,{45 + north * 1e-5},7,20," for north in (-9, 9)]

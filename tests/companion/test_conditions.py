@@ -45,7 +45,9 @@ HOLDS = {
 }
 
 
-@pytest.mark.parametrize("case", HOLDS)
+@pytest.mark.parametrize(
+    "case", [pytest.param("wind", marks=pytest.mark.slow), "no fix", "uncertainty"]
+)
 def test_a_condition_holds_the_mission_which_resumes_when_the_condition_clears(case):
     trouble, well, words = HOLDS[case]
     desk = Desk(wind_mps=4.0).come_to("flying", then_s=4.0)
@@ -189,6 +191,7 @@ def test_the_loss_of_the_ground_station_has_the_configured_action(action):
     assert (desk.state, flown(desk)) == expected[action]
 
 
+@pytest.mark.slow
 def test_jumps_that_add_up_are_held_until_a_new_order():
     desk = Desk().come_to("flying", then_s=6.0)
     desk.jump(0.0, 1.4, 0.0).run(2.0)
@@ -396,7 +399,9 @@ def test_no_condition_is_reported_before_the_first_order():
 @pytest.mark.parametrize(
     ("bad", "silent", "well"),
     [
-        ({"wind_mps": 25.0}, {"wind_mps": None}, {"wind_mps": 5.0}),
+        pytest.param(
+            {"wind_mps": 25.0}, {"wind_mps": None}, {"wind_mps": 5.0}, marks=pytest.mark.slow
+        ),
         (
             {"receiver_accuracy_m": 4.0},
             {"fix_type": 0, "receiver_accuracy_m": 0.0},

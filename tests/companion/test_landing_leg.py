@@ -74,7 +74,7 @@ def room_m(desk):
     return answer.plan.landing_leg.room_m
 
 
-@pytest.mark.parametrize("battery_percent", [90, 15])
+@pytest.mark.parametrize("battery_percent", [pytest.param(90, marks=pytest.mark.slow), 15])
 def test_after_a_short_hold_for_room_the_flight_resumes_along_the_leg(desk, battery_percent):
     """Also where an escape route overrides the hold: an empty battery must not wait for ever."""
     assert WELL_M < room_m(desk) + 0.9 < TOO_NARROW_M
@@ -205,7 +205,10 @@ def test_a_leg_that_a_pilot_has_interrupted_is_continued_from_near_it(order, bes
     assert desk.companion.status.task.done
 
 
-@pytest.mark.parametrize(("battery_percent", "behind_m"), [(90, 0.3), (90, 0.6), (8, 0.6)])
+@pytest.mark.parametrize(
+    ("battery_percent", "behind_m"),
+    [pytest.param(90, 0.3, marks=pytest.mark.slow), (90, 0.6), (8, 0.6)],
+)
 def test_a_resumed_leg_continues_with_an_aircraft_that_the_wind_holds_beside_its_setpoint(
     battery_percent, behind_m
 ):

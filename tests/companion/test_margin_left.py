@@ -157,6 +157,7 @@ def beside_a_wall():
     return Planner(flown_site(site, VEHICLE, Supervision()), VEHICLE)
 
 
+@pytest.mark.slow
 def test_a_setpoint_that_a_small_jump_moves_into_the_margin_holds_and_resumes():
     desk = Desk(planner=beside_a_wall()).come_to("at_target")
     desk.jump(0.0, -0.7, 0.0)  # towards the wall

@@ -131,6 +131,7 @@ def returning(**config):
     return desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
 
 
+@pytest.mark.slow
 def test_a_home_that_moves_behind_the_conductors_in_flight_is_held():
     words = "MOAR: PX4 would hit right-middle, holding"
     desk = returning()

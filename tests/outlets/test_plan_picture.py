@@ -38,7 +38,7 @@ def pixels(content):
     [
         pytest.param(Mission.INSPECTION, marks=pytest.mark.slow),
         Mission.EXIT,
-        Mission.EVACUATION,
+        pytest.param(Mission.EVACUATION, marks=pytest.mark.slow),
     ],
 )
 def test_a_plan_is_a_picture_of_many_colours(mission):
@@ -56,7 +56,7 @@ def test_a_plan_is_a_picture_of_many_colours(mission):
 @pytest.mark.parametrize(
     ("mission", "start", "status"),
     [
-        (Mission.INSPECTION, (9.2, 3.7), "start_occupied"),
+        pytest.param(Mission.INSPECTION, (9.2, 3.7), "start_occupied", marks=pytest.mark.slow),
         (Mission.EXIT, (500.0, -3.0), "out_of_bounds"),
     ],
 )

@@ -176,6 +176,7 @@ def test_the_voronoi_path_is_equidistant_but_for_its_connectors():
         check_roadmap(problem, maps, answer, expected)
 
 
+@pytest.mark.slow
 def test_the_envelope_path_keeps_to_the_boundary_of_the_grown_hull():
     for problem, planner, answer in random_answers("envelope", BaselineKind.ENVELOPE, 40):
         maps = oracle.build_maps(problem.site, problem.vehicle)

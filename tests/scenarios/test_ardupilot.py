@@ -156,9 +156,8 @@ def test_after_an_orderly_end_the_aircraft_stays_at_its_place():
     assert_nothing_was_touched(flight)
 
 
-@pytest.mark.parametrize(
-    ("timeout_s", "farthest"), [(0.5, 1.0), pytest.param(3.0, 3.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("timeout_s", "farthest"), [(0.5, 1.0), (3.0, 3.0)])
 def test_after_a_companion_failure_the_aircraft_flies_on_for_guid_timeout(timeout_s, farthest):
     """GUID_TIMEOUT times the speed, plus the stopping distance."""
     flight = in_flight(1.5, options={"parameters": {"GUID_TIMEOUT": timeout_s}})
@@ -177,6 +176,7 @@ def test_after_a_companion_failure_the_aircraft_flies_on_for_guid_timeout(timeou
     assert_setpoints_keep_to_free_space(flight)
 
 
+@pytest.mark.slow
 def test_the_pilots_mode_switch_takes_over_while_mode_reports_to_the_companion_are_lost():
     """The autopilot drops setpoints in another mode; GUIDED given back starts nothing."""
     flight = in_flight()

@@ -219,7 +219,10 @@ def cut_off(flight):
     flight.deaf = True
 
 
-@pytest.mark.parametrize(("manner", "end"), [(Manner.PX4, released), (Manner.ARDUPILOT, cut_off)])
+@pytest.mark.parametrize(
+    ("manner", "end"),
+    [pytest.param(Manner.PX4, released, marks=pytest.mark.slow), (Manner.ARDUPILOT, cut_off)],
+)
 def test_the_last_setpoint_of_an_orderly_end_is_at_rest(manner, end):
     flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)

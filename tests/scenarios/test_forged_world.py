@@ -126,7 +126,7 @@ def reported(flight, cause):
     ("manner", "late_s"),
     [
         pytest.param(Manner.PX4, 0.3, marks=pytest.mark.slow),
-        (Manner.ARDUPILOT, 0.3),
+        pytest.param(Manner.ARDUPILOT, 0.3, marks=pytest.mark.slow),
         pytest.param(Manner.PX4, 0.6, marks=pytest.mark.slow),
         (Manner.PX4, 0.9),
         (Manner.ARDUPILOT, 0.6),
@@ -148,7 +148,7 @@ def test_a_position_that_is_received_again_late_moves_no_setpoint(manner, late_s
     assert flight.companion.telemetry.link.packets_late >= late + 5
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_old_packets_of_every_kind_in_one_burst_are_no_restart(manner):
     flight = in_flight(manner)
     intruder = Intruder(flight)

@@ -203,9 +203,9 @@ def test_above_the_landing_point_a_second_exit_does_not_move_the_aircraft(manner
     ("manner", "start_m", "mission"),
     [
         (ARDUPILOT, (27.0, 0.0), INSPECTION),
-        (ARDUPILOT, (27.0, 0.0), EXIT),
+        pytest.param(ARDUPILOT, (27.0, 0.0), EXIT, marks=pytest.mark.slow),
         pytest.param(ARDUPILOT, (15.0, 0.0), INSPECTION, marks=pytest.mark.slow),
-        (ARDUPILOT, (15.0, 0.0), EXIT),
+        pytest.param(ARDUPILOT, (15.0, 0.0), EXIT, marks=pytest.mark.slow),
         pytest.param(ARDUPILOT, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
         pytest.param(ARDUPILOT, (33.0, 0.0), EXIT, marks=pytest.mark.slow),
         pytest.param(PX4, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),

@@ -187,7 +187,7 @@ def test_a_link_cut_towards_the_companion_alone_ends_the_stream(manner):
     assert silent_since(flight, cut, 0.6)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_an_autopilot_restart_in_flight_releases(manner):
     flight = in_flight(manner=manner)
     flight.autopilot.reboot()

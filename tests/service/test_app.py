@@ -145,6 +145,7 @@ def test_an_unusable_state_file_and_a_lost_recording_are_reported_to_the_operato
                 }
 
 
+@pytest.mark.slow
 def test_fifty_readers_of_the_view_with_32_descriptors_cost_one_line_and_no_heartbeat(tmp_path):
     """As with `ulimit -n 32`."""
     configuration, view = tmp_path / "companion.yaml", tmp_path / "view.sock"

@@ -61,10 +61,11 @@ def _own(peer, since=0.0):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("recording", "end"),
     [
-        pytest.param("h0_boot_rates.companion.tlog", "companion", marks=pytest.mark.slow),
+        ("h0_boot_rates.companion.tlog", "companion"),
         ("a1_boot_offboard_takeoff.gcs.tlog", "gcs"),
     ],
 )

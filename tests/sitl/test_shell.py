@@ -251,7 +251,9 @@ def test_at_an_unlimited_speed_the_process_can_be_stopped(number):
     ("module", "loads"),
     [
         ("sitl.__main__", "sitl.scenario"),
-        ("sitl.demonstration.__main__", "sitl.demonstration.judge"),
+        pytest.param(
+            "sitl.demonstration.__main__", "sitl.demonstration.judge", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_an_interrupt_during_loading_is_status_1_without_output(module, loads):
