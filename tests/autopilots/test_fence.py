@@ -94,7 +94,7 @@ def test_a_fence_is_unknown_while_a_parameter_is_awaited():
     assert profile(PX4).fence({"GF_ACTION": 2.0}, ()) is None
 
 
-def test_a_parameter_that_was_never_told_is_named():
+def test_a_parameter_that_was_never_reported_is_named():
     found = fence(PX4, GF_MAX_VER_DIST=None, GF_MAX_HOR_DIST=10.0)
     assert found.unreported == ("GF_MAX_VER_DIST",)
     assert found.circle is not None

@@ -99,9 +99,9 @@ def test_a_third_autopilot_is_flown_by_its_profile_alone(made_up):
     desk.order(INSPECTION).run_until("ready").run(2.0)
     (asked,) = desk.mode_requests()
     assert (asked.param1, asked.param2) == (1, FOLLOW)
-    desk.say_heartbeat(FOLLOW).run_until("flying", 0.1).run(2.0)
+    desk.send_heartbeat(FOLLOW).run_until("flying", 0.1).run(2.0)
     assert len(desk.setpoints()) > 50
-    desk.say_heartbeat(WAIT).run(0.1)
+    desk.send_heartbeat(WAIT).run(0.1)
     assert desk.state == "overridden"
 
 

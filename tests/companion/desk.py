@@ -225,7 +225,7 @@ class Desk:
     def step(self, seconds=STEP_S):
         self.now_s += seconds
         self.boot_s += seconds
-        self._in_the_air += [(self.now_s, data) for data in self._autopilot_says()]
+        self._in_the_air += [(self.now_s, data) for data in self._autopilot_messages()]
         while self._in_the_air and self._in_the_air[0][0] <= self.now_s - self.late_s:
             self.handle(self._in_the_air.popleft()[1])
         while self._answers and self._answers[0][0] <= self.now_s:
@@ -299,7 +299,7 @@ class Desk:
                 ack = mavlink.MAVLink_command_ack_message(DO_SET_MODE, ACCEPTED, 0, 0, 1, 195)
                 self._in_the_air.append((self.now_s, self.autopilot.pack(ack)))
 
-    def _autopilot_says(self):
+    def _autopilot_messages(self):
         boot_ms = round(self.boot_s * 1000)
         said = []
         if self._count % 50 == 0:
@@ -310,7 +310,7 @@ class Desk:
                     round(latitude * 1e7), round(longitude * 1e7), round(altitude * 1e3)
                 )
             )
-            said += self._how_it_fares()
+            said += self._status_messages()
         if self._count % 10 == 0:
             said.append(mavlink.MAVLink_extended_sys_state_message(0, self.landed_state))
         if self._count % 2 == 0:
@@ -357,7 +357,7 @@ class Desk:
             8,
         )
 
-    def _how_it_fares(self):
+    def _status_messages(self):
         """Messages of receiver, estimator, battery and ground station, with the test's values."""
         said = [
             mavlink.MAVLink_gps_raw_int_message(
@@ -480,7 +480,7 @@ class Desk:
         )
         return self.handle(self.autopilot.pack(told))
 
-    def say_heartbeat(self, mode, status=ACTIVE):
+    def send_heartbeat(self, mode, status=ACTIVE):
         """Changes the autopilot's mode and sends a HEARTBEAT at once."""
         self.mode, self.system_status = mode, status
         return self.handle(self.autopilot.pack(self._heartbeat()))
@@ -564,7 +564,7 @@ class Desk:
         self.order(mission).run_until("ready")
         if state == "ready":
             return self
-        self.run(1.1).say_heartbeat(self.ours).run_until("flying", 0.1)
+        self.run(1.1).send_heartbeat(self.ours).run_until("flying", 0.1)
         return self if state == "flying" else self.run_until(state, 120.0)
 
     # Sent packets
@@ -597,7 +597,7 @@ class Desk:
             texts.append(message.text)
         return texts
 
-    def reasons_told(self):
+    def reported_reasons(self):
         """Reasons of the texts, with the details that only the recording has."""
         return [data["reason"] for data in self.decided("text")]
 

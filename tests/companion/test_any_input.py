@@ -173,7 +173,7 @@ class AnyInput(RuleBasedStateMachine):
         self.desk.order(parameter, command=command, peer=self.operator)
 
     def _say_mode(self, word, status=ACTIVE):
-        self.desk.say_heartbeat(self.modes[word], status)
+        self.desk.send_heartbeat(self.modes[word], status)
         self._run()
 
     @happens(mission=MISSIONS)
@@ -291,7 +291,7 @@ class AnyInput(RuleBasedStateMachine):
             self.something_is_ordered(order)
             self._run(1.3)
             # The companion requests a mode only just after a report of the mode.
-            self.desk.say_heartbeat(self.desk.mode, self.desk.system_status)
+            self.desk.send_heartbeat(self.desk.mode, self.desk.system_status)
             self._run()
 
     @happens(
@@ -414,7 +414,9 @@ class AnyInput(RuleBasedStateMachine):
         leading = self.desk.companion.ruling.leading
         if self.judge.streaming and leading is not None and leading.condition.action > Action.SLOW:
             words = _without_numbers(leading.reason)
-            assert any(words in _without_numbers(told) for told in self.desk.reasons_told()), words
+            assert any(words in _without_numbers(told) for told in self.desk.reported_reasons()), (
+                words
+            )
 
 
 def _without_numbers(words):

@@ -74,12 +74,12 @@ def test_a_failsafe_is_never_left_even_if_the_autopilot_would_accept_guided(
 ):
     """No failsafe chooses LOITER: during a reported failsafe LOITER is a takeover."""
     desk = ardupilot(authority=authority).come_to("flying", then_s=2.0)
-    desk.say_heartbeat(failsafe, CRITICAL)
+    desk.send_heartbeat(failsafe, CRITICAL)
     acted = desk.now_s
     asked = len(desk.mode_requests())
     desk.run(6.0)
     assert desk.state == state
-    desk.say_heartbeat(failsafe).run(6.0)  # the cause is over
+    desk.send_heartbeat(failsafe).run(6.0)  # the cause is over
     assert desk.state == state
     assert not desk.setpoints(acted)
     assert len(desk.mode_requests()) == asked
@@ -89,7 +89,7 @@ def test_a_failsafe_is_never_left_even_if_the_autopilot_would_accept_guided(
 def test_a_fence_action_without_a_failsafe_status_is_not_overridden(authority):
     desk = ardupilot(authority=authority).come_to("flying", then_s=2.0)
     asked = len(desk.mode_requests())
-    desk.say_heartbeat(RTL)
+    desk.send_heartbeat(RTL)
     acted = desk.now_s
     desk.run(5.0).order(EXIT).run(5.0)
     assert desk.state == "ready"  # the companion offers a hold to the pilot
@@ -99,9 +99,9 @@ def test_a_fence_action_without_a_failsafe_status_is_not_overridden(authority):
 
 def test_guided_given_back_by_a_pilot_starts_nothing_until_a_new_order():
     desk = ardupilot().come_to("flying", then_s=2.0)
-    desk.say_heartbeat(LOITER)
+    desk.send_heartbeat(LOITER)
     took = desk.now_s
-    desk.run(3.0).say_heartbeat(GUIDED).run(6.0)
+    desk.run(3.0).send_heartbeat(GUIDED).run(6.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
     desk.order(EXIT).run(0.3)
@@ -110,20 +110,20 @@ def test_guided_given_back_by_a_pilot_starts_nothing_until_a_new_order():
 
 def test_with_resume_the_mode_given_back_resumes_the_interrupted_mission():
     desk = ardupilot(resume=True).come_to("flying", then_s=2.0)
-    desk.say_heartbeat(LOITER).run(3.0)
+    desk.send_heartbeat(LOITER).run(3.0)
     assert desk.state == "overridden"
-    desk.say_heartbeat(GUIDED).run(0.3)
+    desk.send_heartbeat(GUIDED).run(0.3)
     assert desk.state == "flying"
 
 
 @pytest.mark.parametrize("order", [RELEASE, HOLD])
 def test_a_mission_that_an_operator_ends_while_a_pilot_flies_is_not_resumed(order):
     desk = ardupilot(resume=True).come_to("flying", then_s=2.0)
-    desk.say_heartbeat(LOITER).run(1.0)
+    desk.send_heartbeat(LOITER).run(1.0)
     desk.order(order).run(1.0)
     assert desk.answers()[-1] == ACCEPTED
     took = desk.now_s
-    desk.say_heartbeat(GUIDED).run(5.0)
+    desk.send_heartbeat(GUIDED).run(5.0)
     assert not desk.setpoints(took)
 
 
@@ -140,7 +140,7 @@ def test_a_plan_is_not_flown_when_the_aircraft_has_left_its_start():
 def test_a_release_before_the_first_setpoint_sends_no_setpoint_of_an_earlier_flight():
     desk = ardupilot().come_to("flying", then_s=2.0)
     desk.order(RELEASE).run(1.0)
-    desk.say_heartbeat(LOITER).drift(0.0, -4.0, -2.0).say_heartbeat(GUIDED).run(1.2)
+    desk.send_heartbeat(LOITER).drift(0.0, -4.0, -2.0).send_heartbeat(GUIDED).run(1.2)
     moved = desk.now_s
     desk.plan_delay_s = None
     desk.order(INSPECTION).step()
@@ -151,7 +151,7 @@ def test_a_release_before_the_first_setpoint_sends_no_setpoint_of_an_earlier_fli
 
 def test_a_mode_that_the_autopilot_chose_is_not_reported_as_a_takeover():
     desk = ardupilot().come_to("flying", then_s=2.0)
-    desk.say_heartbeat(RTL).run(0.1)
+    desk.send_heartbeat(RTL).run(0.1)
     assert desk.said("MOAR: autopilot in RTL")
 
 

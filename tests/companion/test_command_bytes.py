@@ -237,7 +237,7 @@ def traffic(draw):
 
 @settings(max_examples=20, deadline=None)
 @given(traffic(), st.sampled_from(["idle", "ready", "flying"]))
-def test_nothing_moves_twice_nothing_asked_stays_unanswered_and_nobody_else_is_told(
+def test_nothing_moves_twice_nothing_asked_stays_unanswered_and_nobody_else_is_informed(
     exchange, state
 ):
     """A hold or release may be carried out again: an old one is not told from a new one."""

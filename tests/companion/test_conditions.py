@@ -369,9 +369,9 @@ def test_the_begin_and_the_end_of_a_condition_are_recorded_once():
 def test_a_hold_ends_like_any_flight_when_the_pilot_takes_over():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(fix_type=0).run_until("holding")
-    desk.say_heartbeat(0x00030000).run(0.1)
+    desk.send_heartbeat(0x00030000).run(0.1)
     took = desk.now_s
-    desk.set(fix_type=3).run(4.0).say_heartbeat(OFFBOARD).run(4.0)
+    desk.set(fix_type=3).run(4.0).send_heartbeat(OFFBOARD).run(4.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
 

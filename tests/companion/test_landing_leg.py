@@ -179,13 +179,13 @@ def taken_over(*moved_ned_m):
     desk = on_its_leg()
     while along_m(desk) < 5.0:
         desk.step()
-    desk.say_heartbeat(AUTO_HOLD).run(1.0).drift(*moved_ned_m).run(1.0)
+    desk.send_heartbeat(AUTO_HOLD).run(1.0).drift(*moved_ned_m).run(1.0)
     assert desk.state == "overridden"
     return desk
 
 
 def given_back(desk):
-    desk.run_until("ready", 2.0).run(1.1).say_heartbeat(OFFBOARD)
+    desk.run_until("ready", 2.0).run(1.1).send_heartbeat(OFFBOARD)
     return desk.run_until("landing_leg", 60.0)
 
 
@@ -214,7 +214,7 @@ def test_a_resumed_leg_continues_with_an_aircraft_that_the_wind_holds_beside_its
 ):
     """Also by the escape route of a critical battery, which no operator orders."""
     desk = taken_over(0.0, 0.0, -0.9)
-    desk.order(EXIT).run_until("ready", 2.0).run(1.1).say_heartbeat(OFFBOARD).run(0.5)
+    desk.order(EXIT).run_until("ready", 2.0).run(1.1).send_heartbeat(OFFBOARD).run(0.5)
     desk.pause().run(1.0).fall_behind(behind_m, 0.0, 0.0).run(1.0)
     if battery_percent == 90:
         desk.go_on()
@@ -261,7 +261,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg():
 
 def test_under_engage_an_order_for_the_rest_of_the_leg_waits_for_the_pilot_to_give_the_mode():
     desk = on_its_leg(authority=Authority.ENGAGE)
-    desk.say_heartbeat(AUTO_HOLD).run(3.0)
+    desk.send_heartbeat(AUTO_HOLD).run(3.0)
     assert desk.state == "overridden"
     desk.order(EXIT).run(1.0)
     assert desk.answers()[-1] == ACCEPTED

@@ -60,9 +60,9 @@ ORDERLY = {
 AT_ONCE = {
     "loop_stall": lambda desk: desk.step(1.5),
     "autopilot_reboot": lambda desk: desk.set(boot_s=1.0),
-    "failsafe_took_mode": lambda desk: desk.say_heartbeat(AUTO_HOLD, CRITICAL),
+    "failsafe_took_mode": lambda desk: desk.send_heartbeat(AUTO_HOLD, CRITICAL),
     "ground": lambda desk: desk.set(landed_state=1),
-    "pilot": lambda desk: desk.say_heartbeat(POSCTL),
+    "pilot": lambda desk: desk.send_heartbeat(POSCTL),
 }
 ELSEWHERE = {
     "autopilot_link_lost": "of an autopilot that falls silent the position is stale long before",
@@ -180,6 +180,6 @@ def test_an_offer_that_ends_has_sent_only_setpoints_at_rest(way):
 def test_a_landing_by_the_autopilot_follows_a_setpoint_at_rest():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=3.0)
     assert [request.param3 for request in desk.mode_requests()][-1] == 6
-    desk.say_heartbeat(LAND)
+    desk.send_heartbeat(LAND)
     assert speed_mps(silent(desk)[-1]) == 0.0
     assert desk.state == "idle"

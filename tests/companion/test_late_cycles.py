@@ -127,8 +127,8 @@ def test_a_last_setpoint_in_time_is_sent_once():
 
 
 AFTER_ALL = {
-    "the pilot has taken the mode": lambda desk: desk.say_heartbeat(POSCTL),
-    "a failsafe has taken the mode": lambda desk: desk.say_heartbeat(AUTO_HOLD, CRITICAL),
+    "the pilot has taken the mode": lambda desk: desk.send_heartbeat(POSCTL),
+    "a failsafe has taken the mode": lambda desk: desk.send_heartbeat(AUTO_HOLD, CRITICAL),
     "the aircraft is far away by now": lambda desk: desk.step(0.6),
 }
 

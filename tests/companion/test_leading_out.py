@@ -118,7 +118,7 @@ def test_an_exit_without_room_is_replaced_by_an_evacuation():
 @pytest.mark.slow
 def test_a_landing_point_without_room_is_replaced_by_another_one():
     desk = desk_on_site(gapped(), east_m=-15.0).come_to("ready")
-    desk.order(EVACUATION, 1.0).run(0.5).say_heartbeat(desk.ours).run(3.0)
+    desk.order(EVACUATION, 1.0).run(0.5).send_heartbeat(desk.ours).run(3.0)
     assert desk.companion.status.task.landing == 1
     desk.set(**CRITICAL).run(3.0).set(accuracy_m=1.7).run(15.0)
     assert (flown(desk), desk.companion.status.task.landing) == (Mission.EVACUATION, None)

@@ -61,15 +61,15 @@ def test_only_engage_requests_the_mode_after_the_stream_has_run_and_only_once(au
 
 def test_a_pilot_who_changes_the_mode_after_the_order_keeps_control():
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
-    desk.say_heartbeat(POSCTL).run(LONG_S)
+    desk.send_heartbeat(POSCTL).run(LONG_S)
     assert not desk.mode_requests()
-    desk.say_heartbeat(AUTO_HOLD).run(LONG_S)  # no later request
+    desk.send_heartbeat(AUTO_HOLD).run(LONG_S)  # no later request
     assert not desk.mode_requests()
 
 
 def test_no_mode_is_requested_from_a_pilot_who_has_overridden():
     desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=0.5)
-    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.send_heartbeat(POSCTL).run(2.0)
     asked = desk.now_s
     desk.order(EXIT).run(LONG_S)
     assert desk.state == "ready"
@@ -79,7 +79,7 @@ def test_no_mode_is_requested_from_a_pilot_who_has_overridden():
 @pytest.mark.parametrize("later_s", [0.02, 0.5])
 def test_a_second_order_while_the_pilot_still_flies_requests_no_mode(later_s):
     desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=0.5)
-    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.send_heartbeat(POSCTL).run(2.0)
     asked = desk.now_s
     desk.order(EXIT).run(later_s).order(INSPECTION).run(LONG_S)
     assert desk.state == "ready"
@@ -94,7 +94,7 @@ def test_an_order_that_crosses_a_pilots_takeover_requests_no_mode(autopilot, pil
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
     desk.run_to_heartbeat()
     asked = desk.now_s
-    desk.say_heartbeat(pilots)
+    desk.send_heartbeat(pilots)
     for _ in range(steps):
         desk.step()
     desk.order(INSPECTION).run(LONG_S)
@@ -116,7 +116,7 @@ def test_a_mission_ordered_while_overridden_requests_no_mode():
 
 def test_no_mode_is_requested_in_a_failsafe():
     desk = Desk(authority=Authority.ENGAGE).run(1.2)
-    desk.say_heartbeat(AUTO_HOLD, CRITICAL).run(1.0)
+    desk.send_heartbeat(AUTO_HOLD, CRITICAL).run(1.0)
     desk.order(EXIT).run(LONG_S)
     assert desk.state == "ready"
     assert not desk.mode_requests()
@@ -131,8 +131,8 @@ def test_no_return_or_landing_is_ended_whatever_reason_the_autopilot_reports(
 ):
     """ArduPilot's fence acts with status ACTIVE; a failsafe that has cleared still lands."""
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).run(1.2)
-    desk.say_heartbeat(mode, CRITICAL).run(2.0)
-    desk.say_heartbeat(mode, status).run(1.0)
+    desk.send_heartbeat(mode, CRITICAL).run(2.0)
+    desk.send_heartbeat(mode, status).run(1.0)
     desk.order(EXIT).run(LONG_S)
     assert desk.state == "ready"
     assert not desk.mode_requests()
@@ -173,8 +173,8 @@ def test_a_mode_request_is_not_repeated_after_another_mode_or_a_failsafe(status)
     desk.come_to("ready")
     while not desk.mode_requests():
         desk.step()
-    desk.say_heartbeat(POSCTL if status == ACTIVE else AUTO_HOLD, status).run(0.5)
-    desk.say_heartbeat(AUTO_HOLD).run(5.0)
+    desk.send_heartbeat(POSCTL if status == ACTIVE else AUTO_HOLD, status).run(0.5)
+    desk.send_heartbeat(AUTO_HOLD).run(5.0)
     assert len(desk.mode_requests()) == 1
 
 
@@ -263,7 +263,7 @@ def test_a_hold_ordered_between_two_landing_requests_ends_the_requests():
 def test_a_landing_that_the_companion_requested_is_no_takeover():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     assert [(m.param2, m.param3) for m in desk.mode_requests()] == [(4, 6)]
-    desk.say_heartbeat(LANDING).run(1.0)
+    desk.send_heartbeat(LANDING).run(1.0)
     assert desk.state == "idle"
     assert desk.said("MOAR: autopilot in LAND")
 
@@ -272,14 +272,14 @@ def test_a_landing_that_the_companion_requested_is_no_takeover():
 @pytest.mark.parametrize("after_s", [4.0, 60.0])
 def test_a_landing_after_a_lost_request_and_a_hold_is_a_takeover(after_s):
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0).order(HOLD)
-    desk.run(after_s).say_heartbeat(LANDING).run(1.0)
+    desk.run(after_s).send_heartbeat(LANDING).run(1.0)
     assert desk.state == "overridden"
 
 
 def test_a_pilot_who_ends_the_requested_landing_keeps_control():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
-    desk.say_heartbeat(LANDING).run(1.0)
-    desk.say_heartbeat(POSCTL).run(1.0)
+    desk.send_heartbeat(LANDING).run(1.0)
+    desk.send_heartbeat(POSCTL).run(1.0)
     requests = len(desk.mode_requests())
     desk.order(EXIT).run(LONG_S)
     assert len(desk.mode_requests()) == requests
@@ -298,7 +298,7 @@ def test_no_landing_is_requested_beside_the_landing_point():
 def test_without_engage_the_pilot_lands():
     desk = Desk().come_to("holding", EXIT, then_s=5.0)
     assert not desk.mode_requests()
-    desk.say_heartbeat(LANDING).run(1.0)
+    desk.send_heartbeat(LANDING).run(1.0)
     assert desk.state == "overridden"
 
 
@@ -318,7 +318,7 @@ def test_a_rejected_order_requests_no_mode():
     """The pilot takes over; an operator orders again while no mission can start."""
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.landed_state = 0
-    desk.run(0.3).say_heartbeat(POSCTL).order(EXIT).run(LONG_S)
+    desk.run(0.3).send_heartbeat(POSCTL).order(EXIT).run(LONG_S)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
     assert not desk.mode_requests()
 
@@ -326,7 +326,7 @@ def test_a_rejected_order_requests_no_mode():
 def test_the_hold_after_a_take_off_is_no_takeover():
     desk = Desk(authority=Authority.ENGAGE)
     desk.mode = TAKEOFF
-    desk.come_to("ready").say_heartbeat(AUTO_HOLD).run(LONG_S)
+    desk.come_to("ready").send_heartbeat(AUTO_HOLD).run(LONG_S)
     assert [m.param2 for m in desk.mode_requests()] == [6]
 
 
@@ -351,7 +351,7 @@ def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_control(autopilot, 
         "holding", EXIT, then_s=2.5
     )
     requests = len(desk.mode_requests())
-    desk.say_heartbeat(pilots).run(1.0)
+    desk.send_heartbeat(pilots).run(1.0)
     assert desk.state == "overridden"
     desk.order(EXIT).run(LONG_S)
     assert len(desk.mode_requests()) == requests
@@ -362,8 +362,8 @@ def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_control(autopilot, 
 )
 def test_a_pilot_who_takes_over_from_a_failsafe_keeps_control(autopilot, pilots):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
-    desk.say_heartbeat(RTL if autopilot == ARDUPILOT else 0x05040000, CRITICAL).run(2.0)
-    desk.say_heartbeat(pilots).run(2.0)
+    desk.send_heartbeat(RTL if autopilot == ARDUPILOT else 0x05040000, CRITICAL).run(2.0)
+    desk.send_heartbeat(pilots).run(2.0)
     asked = desk.now_s
     desk.order(EXIT).run(LONG_S)
     assert desk.state == "ready"
@@ -377,8 +377,8 @@ def test_a_pilot_who_takes_over_from_a_failsafe_before_the_first_flight_keeps_co
     autopilot, pilots
 ):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
-    desk.say_heartbeat(RTL if autopilot == ARDUPILOT else LANDING, CRITICAL).run(1.0)
-    desk.say_heartbeat(pilots).run(LONG_S)
+    desk.send_heartbeat(RTL if autopilot == ARDUPILOT else LANDING, CRITICAL).run(1.0)
+    desk.send_heartbeat(pilots).run(LONG_S)
     desk.order(EVACUATION).run(LONG_S)
     assert desk.state == "ready"
     assert not desk.mode_requests()
@@ -402,12 +402,12 @@ def test_a_failsafe_that_returns_to_the_mode_of_the_order_leaves_control_to_the_
 def test_a_resumed_flight_requests_no_mode_from_a_pilot_who_has_overridden():
     """The pilot gave GUIDED, so the first order requested no mode."""
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE, resume=True)
-    desk.come_to("ready", then_s=0.5).say_heartbeat(GUIDED).run_until("flying").run(1.0)
-    desk.say_heartbeat(LOITER).run(2.0)
+    desk.come_to("ready", then_s=0.5).send_heartbeat(GUIDED).run_until("flying").run(1.0)
+    desk.send_heartbeat(LOITER).run(2.0)
     desk.plan_delay_s = 0.6
-    desk.say_heartbeat(GUIDED).run(0.2)
+    desk.send_heartbeat(GUIDED).run(0.2)
     assert desk.state == "planning"
-    desk.say_heartbeat(LOITER).run(LONG_S)
+    desk.send_heartbeat(LOITER).run(LONG_S)
     assert desk.state == "ready"
     assert not desk.mode_requests()
 
@@ -425,7 +425,7 @@ def test_after_a_release_while_ready_the_next_order_requests_the_mode_again():
 
 def test_an_order_that_requests_no_mode_reports_the_mode_that_is_kept():
     desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
-    desk.say_heartbeat(POSCTL).run(3.0)
+    desk.send_heartbeat(POSCTL).run(3.0)
     desk.order(EXIT).run(3.0)
     assert desk.state == "ready"
     assert desk.said("MOAR: POSCTL kept, waiting for OFFBOARD")

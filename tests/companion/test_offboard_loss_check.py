@@ -128,7 +128,7 @@ def returning(**config):
     desk = Desk(**config).set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=12.0)
     desk.run(1.0).report_home(27.0).run(0.5).order(INSPECTION, 0.0).run_until("ready")
-    return desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
+    return desk.run(1.1).send_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
 
 
 @pytest.mark.slow
@@ -147,7 +147,7 @@ def test_a_hold_for_obstacles_that_have_become_wider_ends_when_they_are_narrower
     desk = Desk().set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=4.0)
     desk.run(1.0).report_home(24.5).run(0.5).order(INSPECTION, 0.0).run_until("ready")
-    desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
+    desk.run(1.1).send_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
     desk.set(accuracy_m=1.3).run_until("holding", 3.0)
     assert desk.said("MOAR: PX4 would hit right-middle, holding")
     desk.set(accuracy_m=0.3).run_until("flying", 8.0)
@@ -224,7 +224,7 @@ def watched(desk, seconds):
 
 def test_a_failsafe_that_refuses_the_flown_inspection_holds_it_until_the_failsafe_is_changed():
     desk = watched(Desk(supervision=Supervision(failsafe_action=LossCheck.REFUSE)), 2)
-    desk.order(INSPECTION, INNER).run_until("ready").run(1.1).say_heartbeat(desk.ours)
+    desk.order(INSPECTION, INNER).run_until("ready").run(1.1).send_heartbeat(desk.ours)
     watched(desk.run_until("flying", 0.1), 2).set_parameters(NAV_DLL_ACT=3.0)
     watched(desk, 1).set_parameters(COM_OBL_RC_ACT=7.0)
     assert watched(desk, 2).state == "holding"
@@ -238,7 +238,7 @@ def test_a_failsafe_that_refuses_the_flown_inspection_holds_it_until_the_failsaf
 
 def test_failsafes_that_change_in_flight_cause_one_new_plan():
     desk = watched(Desk(), 2)
-    desk.order(INSPECTION, INNER).run_until("ready").run(1.1).say_heartbeat(desk.ours)
+    desk.order(INSPECTION, INNER).run_until("ready").run(1.1).send_heartbeat(desk.ours)
     watched(desk.run_until("flying", 0.1), 1).set_parameters(NAV_DLL_ACT=3.0)
     watched(desk, 2)
     reasons = [decision.data["reason"] for decision in desk.decisions if decision.kind == "replan"]

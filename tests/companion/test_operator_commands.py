@@ -178,7 +178,7 @@ def test_continue_without_a_held_mission_is_rejected():
 def test_an_order_in_the_cycle_of_the_mode_change_is_judged_as_under_control():
     desk = Desk().come_to("ready", then_s=1.1)
     desk.velocity_ned_mps = (0.0, 1.2, 0.0)
-    desk.run(0.1).run_to_position().say_heartbeat(OFFBOARD).order(EXIT).step()
+    desk.run(0.1).run_to_position().send_heartbeat(OFFBOARD).order(EXIT).step()
     assert desk.state == "flying"
     desk.run(0.2)
     assert desk.answers() == [ACCEPTED, ACCEPTED]
@@ -206,7 +206,7 @@ def test_hold_without_a_mission_is_rejected():
 def test_an_open_order_fails_when_the_pilot_takes_over():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
-    desk.order(EXIT).step().say_heartbeat(POSCTL).step()
+    desk.order(EXIT).step().send_heartbeat(POSCTL).step()
     assert desk.state == "overridden"
     assert desk.answers()[-1] == FAILED
 
@@ -228,7 +228,7 @@ def test_an_operators_own_link_is_answered_there():
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT, EVACUATION])
 def test_an_observer_denies_missions_with_a_text_and_never_streams(mission):
     desk = Desk(authority=Authority.OBSERVE).run(1.2)
-    desk.order(mission).say_heartbeat(OFFBOARD).run(8.0)
+    desk.order(mission).send_heartbeat(OFFBOARD).run(8.0)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
     assert desk.said("the authority is observe")
     assert not desk.setpoints()

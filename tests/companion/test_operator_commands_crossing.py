@@ -69,7 +69,7 @@ def test_a_pause_cancels_the_order_whose_plan_is_awaited():
 def test_a_failsafe_received_with_a_release_gets_no_last_setpoint():
     desk = Desk().come_to("flying", then_s=3.0)
     began = desk.now_s
-    desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).run(1.0)
+    desk.send_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).run(1.0)
     assert desk.state == "released"
     assert not desk.setpoints(began)
 
@@ -79,9 +79,9 @@ def test_an_order_that_crosses_with_a_failsafe_is_rejected(failsafe_first):
     desk = Desk().come_to("ready", then_s=1.0)
     began = desk.now_s
     if failsafe_first:
-        desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(EXIT)
+        desk.send_heartbeat(AUTO_HOLD, CRITICAL).order(EXIT)
     else:
-        desk.order(EXIT).say_heartbeat(AUTO_HOLD, CRITICAL)
+        desk.order(EXIT).send_heartbeat(AUTO_HOLD, CRITICAL)
     desk.run(2.0)
     assert (desk.state, desk.answers()[-1]) == ("released", TEMPORARILY_REJECTED)
     assert desk.said("released just now")
@@ -95,7 +95,7 @@ def test_an_order_in_the_cycle_of_a_plan_is_judged_after_the_events_that_end_con
     desk.plan_delay_s = None
     desk.order(EVACUATION).step()
     began = desk.now_s
-    desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(EXIT).answer_plan().run(2.0)
+    desk.send_heartbeat(AUTO_HOLD, CRITICAL).order(EXIT).answer_plan().run(2.0)
     assert desk.state == "released"
     assert not desk.setpoints(began)
 
@@ -105,7 +105,7 @@ def test_with_a_plan_in_the_cycle_a_failsafe_received_with_a_release_gets_no_las
     desk.plan_delay_s = None
     desk.order(EXIT).step()
     began = desk.now_s
-    desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).answer_plan().run(1.0)
+    desk.send_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).answer_plan().run(1.0)
     assert desk.state == "released"
     assert not desk.setpoints(began)
 
@@ -131,7 +131,7 @@ def test_a_mission_that_cannot_be_planned_while_ready_keeps_the_offered_hold():
     desk.order(EXIT).step().answer_plan(plan=None, reason="no escape route").run(0.5)
     assert (desk.state, desk.answers()[-1]) == ("ready", DENIED)
     desk.plan_delay_s = 0.04
-    desk.run(1.0).say_heartbeat(OFFBOARD).run_until("flying", 0.1)
+    desk.run(1.0).send_heartbeat(OFFBOARD).run_until("flying", 0.1)
     assert desk.companion.status.task.mission.value == "inspection"
 
 
@@ -162,7 +162,7 @@ def test_a_hold_while_ready_can_be_continued_while_ready():
     desk = Desk().come_to("ready").pause().run(0.5)
     desk.go_on().run(0.5)
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("ready", [ACCEPTED, ACCEPTED])
-    desk.run(1.0).say_heartbeat(OFFBOARD).run_until("flying", 0.1)
+    desk.run(1.0).send_heartbeat(OFFBOARD).run_until("flying", 0.1)
 
 
 # Planners that are slow or silent ---------------------------------------------------------------

@@ -20,7 +20,7 @@ def test_the_heartbeat_carries_the_number_of_the_mission_state():
     numbers = [desk.messages("HEARTBEAT")[-1].custom_mode]
     desk.come_to("ready", then_s=1.1)
     numbers.append(desk.messages("HEARTBEAT")[-1].custom_mode)
-    desk.say_heartbeat(OFFBOARD).run(1.1)
+    desk.send_heartbeat(OFFBOARD).run(1.1)
     numbers.append(desk.messages("HEARTBEAT")[-1].custom_mode)
     assert numbers == [0, 2, 3]
     assert [state.number for state in MissionState] == list(range(9))

@@ -54,7 +54,7 @@ def test_continue_flies_the_remaining_mission_as_an_order():
     desk = desk_after(mode=AUTO_HOLD).run(1.2).go_on().run_until("ready")
     assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
     assert desk.companion.status.task == REST
-    desk.run(1.1).say_heartbeat(OFFBOARD).run_until("flying", 0.1).run_until("at_target", 120.0)
+    desk.run(1.1).send_heartbeat(OFFBOARD).run_until("flying", 0.1).run_until("at_target", 120.0)
 
 
 @pytest.mark.parametrize(
@@ -139,8 +139,8 @@ def test_under_engage_no_mode_is_requested_after_a_restart_because_a_pilot_may_h
     desk = desk_after(state, mode=AUTO_HOLD, authority=Authority.ENGAGE)
     desk.run(1.2).order(INSPECTION).run_until("ready").run(3.0)
     assert desk.mode_requests() == []
-    desk.say_heartbeat(OFFBOARD).run_until("flying", 0.1)
-    desk.order(RELEASE).run(0.6).say_heartbeat(OFFBOARD)
+    desk.send_heartbeat(OFFBOARD).run_until("flying", 0.1)
+    desk.order(RELEASE).run(0.6).send_heartbeat(OFFBOARD)
     desk.run(1.0).order(INSPECTION).run_until("flying").order(RELEASE).run(0.6)
     assert desk.mode_requests() == []
 

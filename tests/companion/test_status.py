@@ -116,7 +116,7 @@ def test_without_a_site_there_is_no_place_and_no_clearance():
 
 
 def test_a_pilot_who_takes_over_ends_the_path():
-    desk = Desk().come_to("flying").say_heartbeat(POSCTL).run(0.2)
+    desk = Desk().come_to("flying").send_heartbeat(POSCTL).run(0.2)
     status = status_of(desk)
     assert status["mission"]["state"] == "overridden"
     assert status["path"] is None

@@ -57,7 +57,7 @@ def test_the_heartbeat_is_active_while_the_companion_streams_and_standby_otherwi
     assert desk.messages("HEARTBEAT")[-1].system_status == 3
     desk.order(INSPECTION).run(2.0)
     assert desk.messages("HEARTBEAT")[-1].system_status == 4
-    desk.say_heartbeat(OFFBOARD).run(1.2).say_heartbeat(POSCTL).run(2.0)
+    desk.send_heartbeat(OFFBOARD).run(1.2).send_heartbeat(POSCTL).run(2.0)
     assert desk.messages("HEARTBEAT")[-1].system_status == 3
 
 
@@ -81,7 +81,7 @@ def test_stale_telemetry_ends_the_stream_and_its_return_starts_nothing(
 ):
     desk = Desk()
     desk.come_to(state)
-    desk.say_heartbeat(desk.mode).step()
+    desk.send_heartbeat(desk.mode).step()
     desk.mute = mute
     began = desk.now_s
     desk.run(limit_s - 0.1)
@@ -116,12 +116,12 @@ def test_a_position_gap_shorter_than_the_limit_is_flown_through():
 
 def test_a_mode_change_by_the_pilot_ends_the_stream_at_once():
     desk = Desk().come_to("flying", then_s=3.0)
-    desk.say_heartbeat(POSCTL)
+    desk.send_heartbeat(POSCTL)
     took = desk.now_s
     desk.run(4.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
-    desk.say_heartbeat(OFFBOARD).run(4.0)  # mode given back: a new command is needed
+    desk.send_heartbeat(OFFBOARD).run(4.0)  # mode given back: a new command is needed
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
     desk.order(EVACUATION).run(1.0)
@@ -131,14 +131,14 @@ def test_a_mode_change_by_the_pilot_ends_the_stream_at_once():
 
 def test_with_resume_the_flight_continues_from_the_aircrafts_place_when_the_mode_returns():
     desk = Desk(resume=True).come_to("flying", then_s=5.0)
-    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.send_heartbeat(POSCTL).run(2.0)
     north, east, down = desk.position_ned_m
     desk.position_ned_m = (north, east - 0.5, down - 0.5)  # the pilot moves it
     place = desk.position_ned_m
     took = desk.now_s
     desk.run(2.0)
     assert not desk.setpoints(took)
-    desk.say_heartbeat(OFFBOARD).run(0.5)
+    desk.send_heartbeat(OFFBOARD).run(0.5)
     first = desk.setpoints(took)[0]
     assert math.dist((first.x, first.y, first.z), place) < 0.01
     assert desk.state == "flying"
@@ -149,20 +149,20 @@ def test_with_resume_the_flight_continues_from_the_aircrafts_place_when_the_mode
 )
 def test_an_autopilot_failsafe_ends_the_stream_and_its_end_restarts_nothing(state):
     desk = Desk().come_to(state)
-    desk.say_heartbeat(AUTO_HOLD, CRITICAL)
+    desk.send_heartbeat(AUTO_HOLD, CRITICAL)
     began = desk.now_s
     desk.run(2.5)
     assert desk.state == "released"
     assert desk.said("failsafe chose HOLD")
     assert not desk.setpoints(began)
-    desk.say_heartbeat(OFFBOARD).run(3.0)  # PX4 resumes OFFBOARD by itself
+    desk.send_heartbeat(OFFBOARD).run(3.0)  # PX4 resumes OFFBOARD by itself
     assert desk.state == "released"
     assert not desk.setpoints(began)
 
 
 def test_a_failsafe_received_in_the_cycle_of_the_plan_streams_nothing():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
-    desk.say_heartbeat(AUTO_HOLD, CRITICAL).answer_plan()
+    desk.send_heartbeat(AUTO_HOLD, CRITICAL).answer_plan()
     desk.system_status = CRITICAL
     desk.run(2.0)
     assert desk.state == "released"
@@ -249,7 +249,7 @@ def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
     desk.drift(0.0, 1.0, 0.0).run(0.1)
     assert desk.state == "idle"
     ended = desk.now_s
-    desk.say_heartbeat(OFFBOARD).run(5.0)
+    desk.send_heartbeat(OFFBOARD).run(5.0)
     assert not desk.setpoints(ended)
     assert desk.said("the aircraft has left its place")
 
@@ -306,13 +306,13 @@ def test_blown_off_the_plane_the_escape_route_stays_open():
 
 def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
     desk = Desk(resume=True).come_to("flying", then_s=4.0)
-    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.send_heartbeat(POSCTL).run(2.0)
     desk.landed_state = 1
     desk.run(1.0)
     assert desk.state == "idle"
     took = desk.now_s
     desk.landed_state = 2
-    desk.run(1.0).say_heartbeat(OFFBOARD).run(5.0)
+    desk.run(1.0).send_heartbeat(OFFBOARD).run(5.0)
     assert desk.state == "idle"
     assert not desk.setpoints(took)
 
@@ -321,7 +321,7 @@ def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
 def test_a_mode_that_is_left_and_returns_between_two_cycles_ends_control(mission):
     desk = Desk().come_to("flying", mission, then_s=4.0)
     left = desk.now_s
-    desk.say_heartbeat(POSCTL).say_heartbeat(OFFBOARD).run(2.0)
+    desk.send_heartbeat(POSCTL).send_heartbeat(OFFBOARD).run(2.0)
     assert desk.state == "overridden"
     assert desk.said("MOAR: autopilot was in POSCTL")
     assert not desk.setpoints(left)
@@ -329,21 +329,21 @@ def test_a_mode_that_is_left_and_returns_between_two_cycles_ends_control(mission
 
 def test_nothing_is_resumed_after_the_autopilots_restart_in_the_air():
     desk = Desk(resume=True).come_to("flying", then_s=4.0)
-    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.send_heartbeat(POSCTL).run(2.0)
     desk.boot_s = 0.5
     desk.run(1.0)
     assert desk.state == "released"
     restarted = desk.now_s
-    desk.say_heartbeat(OFFBOARD).run(5.0)
+    desk.send_heartbeat(OFFBOARD).run(5.0)
     assert desk.state == "released"
     assert not desk.setpoints(restarted)
 
 
 def test_a_held_mission_is_not_resumed_after_a_takeover():
     desk = Desk(resume=True).come_to("flying", then_s=4.0).pause().run(2.0)
-    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.send_heartbeat(POSCTL).run(2.0)
     took = desk.now_s
-    desk.say_heartbeat(OFFBOARD).run(5.0)
+    desk.send_heartbeat(OFFBOARD).run(5.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
 
@@ -351,13 +351,13 @@ def test_a_held_mission_is_not_resumed_after_a_takeover():
 @pytest.mark.slow
 def test_a_completed_mission_is_not_resumed_after_a_takeover():
     desk = Desk(resume=True).come_to("holding")
-    desk.say_heartbeat(POSCTL).run(2.0).say_heartbeat(OFFBOARD).run(5.0)
+    desk.send_heartbeat(POSCTL).run(2.0).send_heartbeat(OFFBOARD).run(5.0)
     assert desk.state == "overridden"
 
 
 def test_a_failsafe_while_the_pilot_flies_releases():
     desk = Desk(resume=True).come_to("flying", then_s=4.0)
-    desk.say_heartbeat(POSCTL).run(1.0).say_heartbeat(AUTO_HOLD, CRITICAL).run(0.1)
+    desk.send_heartbeat(POSCTL).run(1.0).send_heartbeat(AUTO_HOLD, CRITICAL).run(0.1)
     assert desk.state == "released"
 
 
@@ -396,7 +396,7 @@ def test_the_target_is_not_reached_when_the_aircraft_stays_far_from_its_setpoint
 def test_the_nose_does_not_turn_before_the_aircraft_follows():
     desk = Desk().come_to("ready", then_s=5.0)
     assert [m.yaw for m in desk.setpoints()] == pytest.approx([0.3] * len(desk.setpoints()))
-    desk.say_heartbeat(OFFBOARD).run(5.0)
+    desk.send_heartbeat(OFFBOARD).run(5.0)
     yaws = [0.3, *(m.yaw for m in desk.setpoints())]
     assert abs(yaws[-1] - 0.3) > 0.5
     turned = [math.remainder(new - old, math.tau) for old, new in itertools.pairwise(yaws)]
@@ -421,7 +421,7 @@ def test_shutting_down_sends_a_last_setpoint_at_rest():
 
 
 def test_shutting_down_in_silence_sends_nothing():
-    desk = Desk().come_to("flying").say_heartbeat(POSCTL).run(1.0)
+    desk = Desk().come_to("flying").send_heartbeat(POSCTL).run(1.0)
     count = len(desk.sent)
     desk.companion.shut_down(desk.now_s)
     desk.take_what_is_sent()
@@ -439,7 +439,7 @@ def test_shutting_down_sends_no_last_setpoint_when_the_autopilot_has_left(case, 
     desk = Desk().come_to("flying", then_s=3.0)
     desk.plan_delay_s = None
     began = desk.now_s
-    desk.say_heartbeat(mode, status).companion.shut_down(desk.now_s + 0.01)
+    desk.send_heartbeat(mode, status).companion.shut_down(desk.now_s + 0.01)
     desk.now_s += 0.01
     desk.take_what_is_sent()
     assert not desk.setpoints(began), case

@@ -64,7 +64,7 @@ def assert_is_for_pilots(text):
 
 @properties
 @given(value=st.floats(0.0, 9e4), limit=st.sampled_from((0.0, 0.5, 0.9, 1.0, 3.0, 15.0, 200.0)))
-def test_a_value_above_its_limit_is_told_with_so_many_digits_that_both_differ(value, limit):
+def test_a_value_above_its_limit_is_reported_with_so_many_digits_that_both_differ(value, limit):
     words = exceeds("wind", value, limit, "m/s")
     if value <= limit:
         assert words is None
@@ -88,7 +88,7 @@ def test_values_are_reported_with_as_many_digits_as_a_pilot_reads():
 
 @properties
 @given(reason=st.text(max_size=300), action=st.sampled_from(ACTIONS))
-def test_whatever_is_to_be_said_fits_into_one_chunk_with_what_is_done(reason, action):
+def test_every_reason_fits_into_one_chunk_with_its_action(reason, action):
     text = pilot_text(reason, action)
     assert len(text) <= 50
     assert text.endswith(f", {action}" if action else "")

@@ -74,7 +74,7 @@ def test_a_parameter_whose_answer_is_lost_is_requested_again():
     assert reading.requests.values == {"A": 1.0}
 
 
-def test_a_parameter_never_told_is_missing_and_delays_no_other():
+def test_a_parameter_never_reported_is_missing_and_delays_no_other():
     reading = Reading("NONE1", "NONE2", "NONE3", "NONE4", "A")
     reading.has = {"A": 1.0}
     reading.run(0.7)

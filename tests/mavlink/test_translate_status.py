@@ -472,7 +472,7 @@ def test_sys_status_gives_readiness_to_arm_and_unhealthy_sensors():
     assert (unfit.ready, unfit.unhealthy) == (False, ("gps",))
 
 
-def test_a_mode_without_any_heartbeat_tells_nothing():
+def test_a_mode_without_any_heartbeat_changes_nothing():
     assert updated("CURRENT_MODE", custom_mode=0x00060000) == Telemetry()
 
 

@@ -153,7 +153,7 @@ def test_an_mqtt_order_is_flown_and_answered_like_an_order_of_a_ground_station()
     desk, link = taking_orders().run(2.0), OrderLink(195)
     give(desk, link, "first", "inspection").run_until("ready")
     assert answers(desk, link) == [("first", "ACCEPTED", "")]
-    desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1)
+    desk.run(1.1).send_heartbeat(desk.ours).run_until("flying", 0.1)
     give(desk, link, "second", "pause").run_until("holding", 1.0)
     assert answers(desk, link) == [("second", "ACCEPTED", "")]
     give(desk, link, "third", "continue").run_until("flying", 2.0)

@@ -52,7 +52,7 @@ def test_repaired_maps_are_those_built_anew(seed):
 
 @properties
 @given(seeds)
-def test_each_cell_knows_which_obstacle_is_the_nearest(seed):
+def test_each_cell_has_its_nearest_obstacle(seed):
     rng = random.Random(seed)
     site = random_problem(rng).site
     before = Clearances.over(GRID, site.obstacles)

@@ -53,7 +53,7 @@ def refined(builder, cuts):
 
 @properties
 @given(seeds)
-def test_the_field_is_consistent_and_its_policy_costs_what_it_says(seed):
+def test_the_field_is_consistent_and_its_policy_has_the_cost_of_the_field(seed):
     # Bellman's equation in every state, written out over the moves of every cell.
     rng = random.Random(seed)
     found = graph_and_goal(random_problem(rng))

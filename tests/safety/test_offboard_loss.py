@@ -64,7 +64,7 @@ def test_the_action_is_unknown_before_all_parameters_are_requested(kind):
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_a_parameter_never_told_has_its_default_and_is_named(kind):
+def test_a_parameter_never_reported_has_its_default_and_is_named(kind):
     unreported = loss(kind)
     assert unreported.unreported == profile(kind).loss_parameters
     assert unreported.action is (Action.RETURN if kind is PX4 else Action.HOLD)
