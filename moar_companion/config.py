@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 from pydantic import Field, Strict
 
@@ -26,7 +26,7 @@ from .link_config import (
 from .mqtt_config import ORDER_LINK, Mqtt, MqttFile, mqtt_findings
 from .perception_config import Perception, PerceptionFile, perception_findings
 from .yaml_file import FileFinding
-from .yaml_schema import FileModel, FilePath, Name, Section
+from .yaml_schema import FileModel, FilePath, Name, Section, resolved
 
 _Seconds = Field(gt=0.0, le=3_600.0)
 
@@ -252,56 +252,44 @@ class CompanionConfig:
 
         file = yaml_file.read(path, _CompanionFile, check)
         folder = Path(path).parent
-        values: dict[str, Any] = {
-            name: getattr(file, name) for name in file.model_fields_set & _PLAIN
-        }
+        vehicle_path = Path(vehicle) if vehicle is not None else resolved(folder, file.vehicle)
+        links = {}
         if "links" in file.model_fields_set:
-            values["links"] = tuple(
-                LinkConfig(url=link.url, role=link.role, signed=link.signed) for link in file.links
-            )
-        vehicle_path = Path(vehicle) if vehicle is not None else _resolved(folder, file.vehicle)
-        assert vehicle_path
+            links["links"] = tuple(LinkConfig(**link.arguments()) for link in file.links)
+        commands, recorder = file.commands, file.recorder
         return cls(
-            vehicle=vehicle_path,
-            site=_resolved(folder, file.site),
-            commands=Commands(
-                systems=_listed(file.commands.systems),
-                components=_listed(file.commands.components),
-                links=_listed(file.commands.links),
-                signed_only=file.commands.signed_only,
-            ),
-            replanning=file.replanning,
-            supervision=file.supervision,
-            recorder=RecorderSettings(
-                **{
-                    **file.recorder.model_dump(exclude_unset=True),
-                    "directory": _resolved(folder, file.recorder.directory),
-                }
-            ),
-            state=State(directory=_resolved(folder, file.state.directory)),
-            view=View(socket=_resolved(folder, file.view.socket)),
-            signing=KeySource(
-                key_file=_resolved(folder, file.signing.key_file),
-                credential=file.signing.credential,
-            ),
-            mqtt=file.mqtt.settings(folder),
-            perception=file.perception.settings(folder),
-            file=Path(path),
-            **values,
+            **file.arguments(
+                vehicle=vehicle_path,
+                site=resolved(folder, file.site),
+                commands=Commands(
+                    **commands.arguments(
+                        systems=_listed(commands.systems),
+                        components=_listed(commands.components),
+                        links=_listed(commands.links),
+                    )
+                ),
+                recorder=RecorderSettings(
+                    **recorder.arguments(directory=resolved(folder, recorder.directory))
+                ),
+                state=State(directory=resolved(folder, file.state.directory)),
+                view=View(socket=resolved(folder, file.view.socket)),
+                signing=KeySource(
+                    **file.signing.arguments(key_file=resolved(folder, file.signing.key_file))
+                ),
+                mqtt=file.mqtt.settings(folder),
+                perception=file.perception.settings(folder),
+                file=Path(path),
+                **links,
+            )
         )
 
 
-_PLAIN = {"system_id", "component_id", "authority", "setpoint_rate_hz", "resume"}
 _Id = Annotated[int, Field(ge=1, le=255)]
 _Item = TypeVar("_Item")
 
 
 def _listed(values: list[_Item] | None) -> tuple[_Item, ...] | None:
     return None if values is None else tuple(values)
-
-
-def _resolved(folder: Path, path: str | None) -> Path | None:
-    return None if path is None else folder / path
 
 
 class _CommandsFile(FileModel):

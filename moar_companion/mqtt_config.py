@@ -14,7 +14,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
-from .yaml_schema import FileModel, FilePath, Name
+from .yaml_schema import FileModel, FilePath, Name, resolved
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _URL = re.compile(r"(mqtts?)://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?/?")
@@ -113,25 +113,16 @@ class MqttFile(FileModel):
 
     def settings(self, folder: Path) -> Mqtt:
         """The settings; relative paths are relative to the folder of the file."""
-
-        def resolved(path: str | None) -> Path | None:
-            return None if path is None else folder / path
-
         return Mqtt(
-            url=self.url,
-            vehicle=self.vehicle,
-            ca_file=resolved(self.ca_file),
-            certificate_file=resolved(self.certificate_file),
-            key_file=resolved(self.key_file),
-            username=self.username,
-            password_file=resolved(self.password_file),
-            password_credential=self.password_credential,
-            commands=MqttCommands(
-                accept=self.commands.accept,
-                key_file=resolved(self.commands.key_file),
-                credential=self.commands.credential,
-                window_s=self.commands.window_s,
-            ),
+            **self.arguments(
+                ca_file=resolved(folder, self.ca_file),
+                certificate_file=resolved(folder, self.certificate_file),
+                key_file=resolved(folder, self.key_file),
+                password_file=resolved(folder, self.password_file),
+                commands=MqttCommands(
+                    **self.commands.arguments(key_file=resolved(folder, self.commands.key_file))
+                ),
+            )
         )
 
 

@@ -12,7 +12,7 @@ from pydantic import Field, Strict
 
 from .types import Vector
 from .yaml_file import FileFinding
-from .yaml_schema import Coordinate, FileModel, FilePath, Length, Name, PositiveLength
+from .yaml_schema import Coordinate, FileModel, FilePath, Length, Name, PositiveLength, resolved
 
 Port = Annotated[int, Field(ge=1, le=65_535)]
 _Seconds = Annotated[float, Field(gt=0.0, le=3_600.0)]
@@ -112,18 +112,16 @@ class PerceptionFile(FileModel):
 
     def settings(self, folder: Path) -> Perception:
         """The settings; relative paths are relative to the folder of the file."""
-        values = {name: getattr(self, name) for name in self.model_fields_set}
-        values.pop("mount", None)
-        metadata = values.pop("metadata", None)
         forward_m, left_m, up_m = self.mount.position_m
         roll_deg, pitch_deg, yaw_deg = self.mount.roll_pitch_yaw_deg
         return Perception(
-            metadata=None if metadata is None else folder / metadata,
-            mount=SensorMount(
-                position_m=(forward_m, left_m, up_m),
-                roll_pitch_yaw_deg=(roll_deg, pitch_deg, yaw_deg),
-            ),
-            **values,
+            **self.arguments(
+                metadata=resolved(folder, self.metadata),
+                mount=SensorMount(
+                    position_m=(forward_m, left_m, up_m),
+                    roll_pitch_yaw_deg=(roll_deg, pitch_deg, yaw_deg),
+                ),
+            )
         )
 
 

@@ -10,6 +10,7 @@ import enum
 import math
 import re
 import typing
+from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import (
@@ -42,6 +43,13 @@ class FileModel(BaseModel):
         defer_build=True,
     )
 
+    def arguments(self, **converted: Any) -> dict[str, Any]:
+        """Arguments of the class that the mapping fills: its keys in the file, and `converted`.
+
+        A key that the class lacks raises TypeError there: none is accepted and then ignored.
+        """
+        return {name: getattr(self, name) for name in self.model_fields_set} | converted
+
 
 def _printable(text: str) -> str:
     if not text.isprintable() or text != text.strip():
@@ -53,6 +61,13 @@ Name = Annotated[str, StringConstraints(min_length=1, max_length=100), AfterVali
 FilePath = Annotated[
     str, StringConstraints(min_length=1, max_length=4_000), AfterValidator(_printable)
 ]
+
+
+def resolved(folder: Path, path: str | None) -> Path | None:
+    """A path in a file, which is relative to the folder of the file."""
+    return None if path is None else folder / path
+
+
 Coordinate = Annotated[float, Field(ge=-_FAR_M, le=_FAR_M)]
 Length = Annotated[float, Field(ge=0.0, le=_FAR_M)]
 PositiveLength = Annotated[float, Field(gt=0.0, le=_FAR_M)]
