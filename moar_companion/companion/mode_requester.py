@@ -22,7 +22,8 @@ _OFFERING = {MissionState.PLANNING, MissionState.READY}
 _FRESH_S = 0.1
 """Maximum age of a mode report: the mode may change, and PX4 reports it once a second."""
 _AGAIN_S = 1.0
-"""Both autopilots answer within milliseconds, and PX4 reports its mode once a second."""
+"""Both autopilots answer within milliseconds, and PX4 reports its mode once a second. At most
+`mavlink/autopilot_control._ANSWER_S`: a later answer counts as another sender's."""
 _MOST_REQUESTS = 3
 _LAND_AGAIN_S = 3.0
 """A LAND request that arrived shows in the heartbeat of the next second."""

@@ -15,7 +15,8 @@ from .telemetry_receiver import TelemetryReceiver
 
 _DO_SET_MODE = int(mavlink.MAV_CMD_DO_SET_MODE)
 _ANSWER_S = 3.0
-"""Time for an answer: both autopilots answer within milliseconds, PX4 twice."""
+"""Time after which an answer counts as another sender's: both autopilots answer within
+milliseconds, PX4 twice. `companion/mode_requester` repeats its request earlier."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
