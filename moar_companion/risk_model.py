@@ -73,7 +73,7 @@ class RiskModel:
     motor_rpm: Range | None = None
     """Speeds of no and full thrust; without it ESC_STATUS is not used."""
     tracking_error_m: Range = field(default_factory=lambda: Range(low=1.0, high=2.0))
-    """Distance from the setpoint: in calm air PX4 strays by up to 0.98 m with the noise of its
+    """Distance from the setpoint: in calm air PX4 deviates by up to 0.98 m with the noise of its
     simulated receiver; at 2 m the path is left (`guidance.off_path_m`)."""
     radio_margin: Range = field(default_factory=lambda: Range(low=60.0, high=10.0))
     """RSSI above noise in SiK units (about half a decibel). In recorded flights almost no packet

@@ -86,7 +86,7 @@ class Guidance:
     leash_m: Annotated[float, _Positive] = 3.0
     """Tracking error, not below `off_path_m`, from which the setpoint follows an aircraft that the
     wind displaces: autopilots fly to a far point at about its distance a second (MPC_XY_P,
-    PSC_POSXY_P). In calm air PX4 strays by up to 1.15 m."""
+    PSC_POSXY_P). In calm air PX4 deviates by up to 1.15 m."""
     tracking_margin_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
     """Tracking error that distances from obstacles allow for; None: the error measured with the
     autopilot (`autopilots`)."""

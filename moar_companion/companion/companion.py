@@ -283,12 +283,12 @@ class Companion:
         """
         paused_s = 0.0 if self._followed_s is None else now_s - self._followed_s
         self._executor.faults.note_pause(paused_s, self._config.supervision.position_timeout_s)
-        jump = self._pose_tracker.look(self.telemetry)
+        jump = self._pose_tracker.update(self.telemetry)
         self._seen_obstacles.note_pose(self.telemetry, self._pose_tracker, jump)
         site_maps = self._seen_obstacles.taken(now_s)
         if site_maps is not None:
             self._executor.take_maps(site_maps, now_s)
-        self._seen_obstacles.look(now_s, on_ground=grounded(self.telemetry))
+        self._seen_obstacles.update(now_s, on_ground=grounded(self.telemetry))
         if jump is not None:
             self._executor.shift(jump, now_s)
         for event in self._session.events_received():

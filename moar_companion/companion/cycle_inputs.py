@@ -123,7 +123,7 @@ class CycleInputs:
             on_leg=flight is not None and flight.on_leg,
             arrived=self._routes.arrived(pose, now_s),
             dwell_s=self._dwell_s(status),
-            astray=flight is not None and error_m > guidance.tracking_hold_m,
+            tracking_lost=flight is not None and error_m > guidance.tracking_hold_m,
         )
 
     def check_inputs(
@@ -168,8 +168,8 @@ class CycleInputs:
             drifted_m=flight.drifted_m(pose) if flight is not None and pose is not None else None,
             saturated=self._risk_monitor.saturated,
             held_wind_mps=self._risk_monitor.held_wind_mps,
-            stands=flight is not None and flight.stands and status.state in ON_THE_WAY,
-            strays=flight.strays(pose) if flight is not None and pose is not None else None,
+            stopped=flight is not None and flight.stopped and status.state in ON_THE_WAY,
+            excursion=flight.excursion(pose) if flight is not None and pose is not None else None,
             plan_awaited_s=self._routes.awaited_for_s(now_s),
             fence_silent=self._session.requests.fence_silent,
             escape_route=escape_route,

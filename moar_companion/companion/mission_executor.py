@@ -150,7 +150,7 @@ class MissionExecutor:
         volume = self.routes.limits.volume
         if self.status.state in IN_CONTROL and volume is not None:
             watch, meter = self.routes.limits.watch, self.risk.meter
-            watch.look(place_m, volume.maps.reach, telemetry, meter, now_s)
+            watch.update(place_m, volume.maps.reach, telemetry, meter, now_s)
             limit_s = self._inputs.exposure_limit_s(self.status)
             note = watch.note(limit_s, self.status.since_s, now_s)
             if note is not None and not escapes(self.status):
@@ -166,7 +166,7 @@ class MissionExecutor:
         self.setpoints.widened_m = widening_m(self.risk, self._margin)
         tracking_error_m = self._inputs.tracking_error_m(self.status)
         error_m = None if escapes(self.status) else tracking_error_m
-        self._paths_changed |= self.routes.look(self.risk, error_m, now_s)
+        self._paths_changed |= self.routes.update_inflation(self.risk, error_m, now_s)
         faults = self.faults.causes
         seen = self._inputs.check_inputs(self.status, self.host, faults, now_s)
         self._safety_monitor.rule(seen, now_s)
@@ -383,7 +383,7 @@ class MissionExecutor:
             return
         self.faults.note_refusal(refused)
         if refused.rest is not None:
-            self.routes.stand(refused.rest.position_m)
+            self.routes.stop_at(refused.rest.position_m)
             if self.status.sought is not None:
                 self._seek(self.status.sought, now_s)
 

@@ -50,7 +50,7 @@ class PlanInflation:
         widening = self._widening if mission is Mission.INSPECTION else self._lasting
         return widening.width_m
 
-    def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
+    def update(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
         """Updates the obstacle inflation; returns True if it has become less.
 
         tracking_error_m: None without control, and on an escape route, which a gust must not stop.

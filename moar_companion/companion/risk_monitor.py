@@ -79,7 +79,7 @@ class RiskMonitor:
         elif scene is None:
             self.contingencies.wait(place_m, now_s)
         else:
-            self.contingencies.look(scene, now_s)
+            self.contingencies.update(scene, now_s)
 
     def judge(
         self,

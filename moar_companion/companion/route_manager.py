@@ -97,9 +97,11 @@ class RouteManager:
         self.flight.brake()
         return True
 
-    def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
+    def update_inflation(
+        self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float
+    ) -> bool:
         """Updates the obstacle inflation, as `PlanInflation.look`; returns True if it is less."""
-        less_wide = self.inflation.look(risk, tracking_error_m, now_s)
+        less_wide = self.inflation.update(risk, tracking_error_m, now_s)
         if less_wide:
             self.limits.offboard_loss.reconsider(self.flight)
         return less_wide
@@ -294,11 +296,11 @@ class RouteManager:
         if self.flight is not None:
             self.flight.brake()
 
-    def stand(self, position_m: Vector) -> None:
+    def stop_at(self, position_m: Vector) -> None:
         """Stops at a place at once; drops an awaited plan."""
         self._plans.forget()
         if self.flight is not None:
-            self.flight.stand(position_m)
+            self.flight.stop_at(position_m)
 
     def awaited_for_s(self, now_s: float) -> float | None:
         """Wait for a new plan of an active inspection, in seconds; None while no plan is awaited.
@@ -328,10 +330,10 @@ class RouteManager:
         """
         flight, volume = self.flight, self.limits.volume
         left = self._left if flight is None else flight
-        if left is None or not left.serves(task.mission, task.goal):
+        if left is None or not left.leads_to(task.mission, task.goal):
             return False
         if flight is not None:
-            moves = not (flight.braked or flight.returns)
+            moves = not (flight.braked or flight.recovers)
             goes_on = moves and (flight.on_leg or flight.path.junction().at_end)
             if self.resume_leg() or goes_on or (flight.on_leg and flight.arrived):
                 return True
@@ -341,11 +343,11 @@ class RouteManager:
             # The gate compares with the last setpoint, which a wind may hold the aircraft beside.
             last = flight.progress(pose).setpoint
             pose = replace(pose, position_m=last.position_m, yaw_rad=last.yaw_rad)
-        taken_up = left.taken_up(volume, pose, self.inflation.needed_m)
-        if taken_up is not None:
+        resumed = left.resumed_near_leg(volume, pose, self.inflation.needed_m)
+        if resumed is not None:
             self._plans.forget()
-            self.flight = taken_up
-        return taken_up is not None
+            self.flight = resumed
+        return resumed is not None
 
     def forget_first(self) -> None:
         """Drops an awaited first plan, so that it is not flown when it comes."""

@@ -48,7 +48,7 @@ class SeenObstacles:
         self._reports = reports
         self.report: PerceptionReport | None = None
         """The newest report; None before the first."""
-        self._looked_at: PerceptionReport | None = None
+        self._mapped_report: PerceptionReport | None = None
         self._seen: tuple[Obstacle, ...] | None = ()
         """Obstacles of the last job, in the form of a site file; None after its failure."""
         self._before: tuple[Obstacle, ...] = ()
@@ -157,12 +157,12 @@ class SeenObstacles:
         self._texts.clear()
         return answer.site_maps
 
-    def look(self, now_s: float, *, on_ground: bool) -> None:
+    def update(self, now_s: float, *, on_ground: bool) -> None:
         """Requests maps when the obstacles differ from those of the last request."""
-        report, before = self.report, self._looked_at
+        report, before = self.report, self._mapped_report
         if report is None or self._site is None or report is before or self._asked_s is not None:
             return
-        self._looked_at = report
+        self._mapped_report = report
         if before is not None and report.began_s != before.began_s:
             self._before = self._seen or self._before
             self._reported_m.clear()

@@ -57,16 +57,16 @@ class WindRecovery:
             for item in ruling.conditions
             if not item.overridden
         )
-        if flight.returns:
+        if flight.recovers:
             if held:
                 flight.brake()
             return
-        if held or not flight.is_carried_off or now_s < self._due_s:
+        if held or not flight.is_displaced or now_s < self._due_s:
             return
         self._due_s = now_s + _AGAIN_S
-        if flight.come_back(widened_m):
+        if flight.begin_recovery(widened_m):
             self._reports.send_text(
-                Severity.WARNING, flight.why_it_returns, now_s, action="returning"
+                Severity.WARNING, flight.recovery_text, now_s, action="returning"
             )
         else:
             reason = pilot_texts.NO_WAY_BACK(m=distance(flight.path.outside_m))

@@ -129,7 +129,7 @@ class ContingencyPlanner:
         self.better: Mission | None = None
         """The escape route that takes less energy, or is active; None while there is none."""
 
-    def look(self, scene: ContingencyInputs, now_s: float) -> None:
+    def update(self, scene: ContingencyInputs, now_s: float) -> None:
         """Updates the remaining flight, and requests the next plan."""
         self._now_s = now_s
         self._wind_mps = scene.wind_mps or self._wind_mps

@@ -37,7 +37,7 @@ class FrameAgreement:
         self._compared: GlobalPosition | None = None
         self._home_compared: tuple[Home | None, LocalOrigin] | None = None
 
-    def look(self, telemetry: Telemetry, kind: AutopilotKind, *, grounded: bool) -> None:
+    def update(self, telemetry: Telemetry, kind: AutopilotKind, *, grounded: bool) -> None:
         """Takes new telemetry. grounded: no flight has begun, any origin is accepted."""
         origin, self._kind = telemetry.local_origin, kind
         self._origin = None if origin is None else origin.point

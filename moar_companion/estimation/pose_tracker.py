@@ -78,7 +78,7 @@ class PoseTracker:
         self._kind = kind
         self._plane: PlaneToLocal | None = None
         self._plane_of: tuple[GeodeticPoint, AutopilotKind] | None = None
-        self._looked_at: Telemetry | None = None
+        self._telemetry: Telemetry | None = None
         self._pose: Pose | None = None
         self._attitude: Attitude | None = None
         self._home_m: Vector | None = None
@@ -114,24 +114,24 @@ class PoseTracker:
         """Home of the autopilot in the site's frame; None while that is unknown."""
         return self._home_m
 
-    def look(self, telemetry: Telemetry) -> Jump | None:
+    def update(self, telemetry: Telemetry) -> Jump | None:
         """Takes new telemetry. Returns the jump of position and heading, if there was one."""
-        if telemetry is self._looked_at:
+        if telemetry is self._telemetry:
             return None
-        self._looked_at = telemetry
+        self._telemetry = telemetry
         before, self._attitude = self._attitude, telemetry.attitude
         turn_rad = _reset_turn_rad(before, self._attitude)
         if telemetry.autopilot is not None:
             kind = self._kind or telemetry.autopilot.kind
-            self.agreement.look(telemetry, kind, grounded=grounded(telemetry))
-        origin_step_m = self._look_at_origin(telemetry)
-        step_m = self._look_at_position(telemetry, origin_step_m)
+            self.agreement.update(telemetry, kind, grounded=grounded(telemetry))
+        origin_step_m = self._update_origin(telemetry)
+        step_m = self._update_position(telemetry, origin_step_m)
         if step_m is None and not any(origin_step_m) and not turn_rad:
             return None
         whole_m = origin_step_m if step_m is None else _sum(origin_step_m, step_m)
         return Jump(step_m=whole_m, origin_step_m=origin_step_m, turn_rad=turn_rad)
 
-    def _look_at_origin(self, telemetry: Telemetry) -> Vector:
+    def _update_origin(self, telemetry: Telemetry) -> Vector:
         """Updates the map. Returns the aircraft's jump in the site's frame that it causes."""
         before, self._plane = self._plane, self._plane_to_local(telemetry)
         still, origin = (0.0, 0.0, 0.0), telemetry.local_origin
@@ -145,7 +145,7 @@ class PoseTracker:
         self._jumps.append((origin.received_s, math.hypot(*step_m)))
         return step_m
 
-    def _look_at_position(self, telemetry: Telemetry, origin_step_m: Vector) -> Vector | None:
+    def _update_position(self, telemetry: Telemetry, origin_step_m: Vector) -> Vector | None:
         """Updates the pose. Returns the jump of the estimate, if there was one."""
         before, boot_before_s = self._pose, self._position_boot_s
         position = telemetry.local_position
@@ -166,7 +166,7 @@ class PoseTracker:
         home = telemetry.home
         if home is not None and self._plane is not None:
             self._home_m = self._plane.position_from_ned(home.position_ned_m)
-        self._look_for_reset(telemetry)
+        self._detect_reset(telemetry)
         if before is None or self._pose is None or position is None:
             return None
         carried = replace(before, position_m=_sum(before.position_m, origin_step_m))
@@ -203,7 +203,7 @@ class PoseTracker:
             length_m for time_s, length_m in self._jumps if now_s - time_s <= _JUMPS_WITHIN_S
         )
 
-    def _look_for_reset(self, telemetry: Telemetry) -> None:
+    def _detect_reset(self, telemetry: Telemetry) -> None:
         odometry = telemetry.odometry
         if odometry is None or odometry.reset_counter == self._reset_counter:
             return

@@ -266,7 +266,7 @@ class FlightVolume:
             points_m += [(x_m, 0.0, z_m) for x_m, z_m in corners_m]
         return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, is_entry=True)
 
-    def strays(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:
+    def excursion(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:
         """Text for an aircraft that is too low, or outside the workspace or plane; None: it is not.
 
         The tracking tolerance is permitted outside the workspace, and beside a checked leg.

@@ -87,7 +87,9 @@ class FlownPath:
             return None
         return replace(self, reference=replace(self.reference, stop_m=None))
 
-    def taken_up(self, volume: FlightVolume, pose: Pose, widened_m: float) -> FlownPath | None:
+    def resumed_near_leg(
+        self, volume: FlightVolume, pose: Pose, widened_m: float
+    ) -> FlownPath | None:
         """Returns the path resumed at an aircraft near its landing leg; None if it is not near.
 
         The aircraft is outside the workspace, and within the tracking tolerance of the leg. The
@@ -160,7 +162,7 @@ class FlownPath:
         """Returns the path that ends as soon as the acceleration limit permits."""
         return replace(self, reference=self.reference.braked(self._acceleration_mps2))
 
-    def stood(self, position_m: Vector) -> FlownPath:
+    def stopped_at(self, position_m: Vector) -> FlownPath:
         """Returns the path that ends at once at a place that the setpoint has just passed.
 
         Later plans begin there, on any path; a landing leg is kept within its corridor.
@@ -170,7 +172,7 @@ class FlownPath:
         path = self
         if beside_m > self.volume.corridor_width_m:
             path = replace(FlownPath.at(self.volume, position_m), legs=self.legs)
-        return replace(path, reference=path.reference.stood(position_m))
+        return replace(path, reference=path.reference.stopped_at(position_m))
 
     def leaves_fence(self) -> str | None:
         """The autopilot's fence limit that the path ahead crosses; None: no limit.

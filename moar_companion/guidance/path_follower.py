@@ -84,7 +84,7 @@ class PathFollower:
     @property
     def arrived(self) -> bool:
         """True if the setpoint is at the plan's end; a stop by a brake does not count."""
-        return self._reference.arrived and not self.braked and not self.returns
+        return self._reference.arrived and not self.braked and not self.recovers
 
     @property
     def braked(self) -> bool:
@@ -92,7 +92,7 @@ class PathFollower:
         return self._reference.stop_m is not None
 
     @property
-    def stands(self) -> bool:
+    def stopped(self) -> bool:
         """True if the setpoint does not move, or hardly."""
         return math.hypot(*self._reference.velocity_mps) < _STANDS_MPS
 
@@ -117,9 +117,9 @@ class PathFollower:
         return self._drift.moved_to_m
 
     @property
-    def returns(self) -> bool:
+    def recovers(self) -> bool:
         """True while the flight returns by a recovery leg, without a plan."""
-        return self._drift.returns
+        return self._drift.recovers
 
     def drifted_m(self, pose: Pose) -> float | None:
         """Distance that the wind has moved the aircraft; None while it holds."""
@@ -127,23 +127,23 @@ class PathFollower:
         return None if from_m is None else math.dist(from_m, pose.position_m)
 
     @property
-    def why_it_returns(self) -> str:
+    def recovery_text(self) -> str:
         """Text for operators about the recovery leg."""
         return pilot_texts.RETURNING(m=distance(self._path.outside_m))
 
     @property
-    def is_carried_off(self) -> bool:
+    def is_displaced(self) -> bool:
         """True if the setpoint, after a displacement by wind, needs a recovery leg to continue."""
         displaced = self._drift.carried and self._drift.from_m is None
         return displaced and self._path.needs_recovery
 
-    def come_back(self, widened_m: float) -> bool:
+    def begin_recovery(self, widened_m: float) -> bool:
         """Begins the recovery leg at the setpoint; returns False if there is none."""
         path = self._path.recovery(widened_m)
         if path is None:
             return False
         self._path = path
-        self._drift = WindLeash(returns=True)
+        self._drift = WindLeash(recovers=True)
         return True
 
     def shift(self, jump: Jump) -> None:
@@ -190,7 +190,7 @@ class PathFollower:
         if barred_m is None:
             return
         joined_m = self._path.junction().joined_m
-        if self.on_leg or self.returns or (joined_m is not None and joined_m >= barred_m):
+        if self.on_leg or self.recovers or (joined_m is not None and joined_m >= barred_m):
             self.brake()
 
     def error_m(self, pose: Pose) -> float:
@@ -199,17 +199,17 @@ class PathFollower:
 
     def brake(self) -> None:
         """Brakes to rest as soon as the acceleration limit permits."""
-        if self.returns:
+        if self.recovers:
             self._drift = WindLeash(carried=True)
         if not self.braked:
             self._path = self._path.braked()
 
-    def stand(self, position_m: Vector) -> None:
+    def stop_at(self, position_m: Vector) -> None:
         """Stops at once at a place that the path has just passed.
 
         Later plans begin there, on any path; a landing leg is kept within its corridor.
         """
-        self._path = self._path.stood(position_m)
+        self._path = self._path.stopped_at(position_m)
 
     def resume_leg(self, widened_m: float) -> bool:
         """Resumes along the landing leg (`FlownPath.resumed`); returns False where it must not."""
@@ -219,14 +219,16 @@ class PathFollower:
         self._path = path
         return True
 
-    def serves(self, mission: Mission, goal: str | int | None) -> bool:
+    def leads_to(self, mission: Mission, goal: str | int | None) -> bool:
         """True if the active plan has this mission and this target or landing point."""
         plan = self._plan
         return plan is not None and (plan.mission, plan.request.target) == (mission, goal)
 
-    def taken_up(self, volume: FlightVolume, pose: Pose, widened_m: float) -> PathFollower | None:
+    def resumed_near_leg(
+        self, volume: FlightVolume, pose: Pose, widened_m: float
+    ) -> PathFollower | None:
         """Flight resumed near its landing leg after a pilot's takeover (`FlownPath.taken_up`)."""
-        path = self._path.taken_up(volume, pose, widened_m)
+        path = self._path.resumed_near_leg(volume, pose, widened_m)
         if path is None:
             return None
         flight = PathFollower(volume, pose)
@@ -282,9 +284,9 @@ class PathFollower:
         brake, the setpoint comes to rest where it is, and its path begins there.
         """
         self._go_along(pose, step_s)
-        if self.returns and self._reference.arrived:
+        if self.recovers and self._reference.arrived:
             self.brake()
-        stays = (holds or self.braked) and not self.returns
+        stays = (holds or self.braked) and not self.recovers
         reference = advanced(
             self._reference,
             pose.position_m,
@@ -296,7 +298,7 @@ class PathFollower:
         self._path = replace(self._path, reference=reference)
         beside = reference.offset_m.any() and not reference.speed_mps
         if stays and beside and not self.on_leg:
-            self.stand(vector(reference.position_m))
+            self.stop_at(vector(reference.position_m))
 
     def _go_along(self, pose: Pose, step_s: float) -> None:
         """Moves the setpoint, at rest, with an aircraft that the wind moves beyond the leash."""
@@ -308,7 +310,7 @@ class PathFollower:
         if moved_m is None:
             self._drift = self._drift.after(error_m, leash_m, pose, step_s)
             return
-        self._path = replace(self._path, legs=(), landing_corner=None).stood(moved_m)
+        self._path = replace(self._path, legs=(), landing_corner=None).stopped_at(moved_m)
         self._drift = self._drift.pulled(place_m, pose)
 
     def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
@@ -345,14 +347,14 @@ class PathFollower:
             left_s=reference.trajectory.duration_s(reference.distance_m),
         )
 
-    def strays(self, pose: Pose) -> str | None:
+    def excursion(self, pose: Pose) -> str | None:
         """Text for an aircraft outside both the workspace and its checked legs; None: it is not.
 
         An aircraft on a recovery leg counts as outside until the leg's end.
         """
-        if self.returns:
-            return self.why_it_returns
-        return self._volume.strays(pose, self._path.legs)
+        if self.recovers:
+            return self.recovery_text
+        return self._volume.excursion(pose, self._path.legs)
 
     def refusal(
         self,

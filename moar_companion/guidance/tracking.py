@@ -48,7 +48,7 @@ class Reference:
             offset_rate_mps=np.zeros(3),
         )
 
-    def stood(self, setpoint_m: Vector) -> Reference:
+    def stopped_at(self, setpoint_m: Vector) -> Reference:
         """The reference at rest where it is on its trajectory, the setpoint at another place."""
         return replace(
             self,

@@ -25,7 +25,7 @@ class WindLeash:
     from_m: the setpoint's place before the displacement; None while the aircraft holds.
     moved_to_m: the aircraft's position if it has just moved the setpoint. carried: the setpoint
     rests where the displacement left it. lowest_m: minimum setpoint height before displacements; a
-    displaced setpoint may be this low. returns: the flight comes back by a recovery leg.
+    displaced setpoint may be this low. recovers: the flight returns by a recovery leg.
     rested_s: time for which the aircraft is at rest.
     """
 
@@ -33,7 +33,7 @@ class WindLeash:
     moved_to_m: Vector | None = None
     carried: bool = False
     lowest_m: float = math.inf
-    returns: bool = False
+    recovers: bool = False
     rested_s: float = 0.0
 
     def leash_m(self, vehicle: Vehicle) -> float:

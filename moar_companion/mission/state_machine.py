@@ -26,7 +26,7 @@ from .state_changes import (
     enter,
     entered,
 )
-from .supervised import ESCAPE_MISSIONS, heeds, suits, supervised
+from .supervised import ESCAPE_MISSIONS, complies_with, is_escape_for, supervised
 from .values import (
     Answer,
     Do,
@@ -79,8 +79,8 @@ def command(
     if isinstance(order, Task):
         return _sought(status, order, order_id, world, now_s)
     if order is Order.CONTINUE:
-        stands = status.hold_ordered or status.state in _CONTINUED
-        if status.task is None or not stands:
+        continued = status.hold_ordered or status.state in _CONTINUED
+        if status.task is None or not continued:
             return answer_rejected(status, order_id, pilot_texts.NOTHING_HELD())
         if status.task.done:
             return answer_rejected(status, order_id, pilot_texts.NOTHING_LEFT())
@@ -225,7 +225,7 @@ def tick(
         step = supervised(status, ruling, now_s, on_leg=world.on_leg)
         if step is not None:
             return step
-    elif ruling.action >= Action.HOLD and not heeds(status, ruling.action):
+    elif ruling.action >= Action.HOLD and not complies_with(status, ruling.action):
         idle, effects = end_stream(
             status, MissionState.IDLE, ruling.reason, now_s, last_setpoint=True
         )
@@ -253,7 +253,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
             return enter(replace(status, hold_ordered=False), given, now_s, keep_sought=True)
         # Only a mode received after the deadline counts: it may have been given before that.
         late = world.mode_received_s - status.since_s >= ready_timeout_s
-        if late or world.astray:
+        if late or world.tracking_lost:
             reason = pilot_texts.MODE_NOT_GIVEN() if late else pilot_texts.PLACE_LEFT()
             idle, effects = end_stream(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
             return replace(idle, task=None if status.hold_ordered else status.task), effects
@@ -310,7 +310,11 @@ def _sought(
         return answer_rejected(status, order_id, pilot_texts.JUST_RELEASED())
     known = _known(world, now_s)
     newer = world.ruling.apart_from(known)
-    if order_id is not None and newer.action >= Action.HOLD and not suits(task, newer.action):
+    if (
+        order_id is not None
+        and newer.action >= Action.HOLD
+        and not is_escape_for(task, newer.action)
+    ):
         return answer_rejected(status, order_id, f"{newer.reason} (just begun)")
     effects = answer_cancelled(status)
     if status.state not in STREAMING:
@@ -327,4 +331,4 @@ def _known(world: Situation, now_s: float) -> frozenset[str]:
 
 def _unfit(task: Task, world: Situation) -> str | None:
     """Reason why a found plan cannot begin from where the aircraft is now."""
-    return pilot_texts.PLACE_LEFT() if world.astray else world.ruling.against(task.mission)
+    return pilot_texts.PLACE_LEFT() if world.tracking_lost else world.ruling.against(task.mission)

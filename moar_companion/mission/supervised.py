@@ -43,13 +43,13 @@ def supervised(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: b
     return replace(status, sought=task), (text, Seek(task))
 
 
-def heeds(status: MissionStatus, action: Action) -> bool:
+def complies_with(status: MissionStatus, action: Action) -> bool:
     """True if the flown or sought task is the escape that `action` requires, or a graver one."""
     task = status.sought or status.task
-    return task is not None and suits(task, action)
+    return task is not None and is_escape_for(task, action)
 
 
-def suits(task: Task, action: Action) -> bool:
+def is_escape_for(task: Task, action: Action) -> bool:
     """True if a task is the escape that an action requires, or a graver one."""
     return not task.flown and task.mission in ESCAPE_MISSIONS.get(action, ())
 
@@ -81,9 +81,9 @@ def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
     task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
         return None
-    stands = status.sought is None and (holds or task in status.no_path)
+    held = status.sought is None and (holds or task in status.no_path)
     lands = status.state is MissionState.LANDING_LEG and status.sought is None
-    if (lands or heeds(status, ruling.action)) and not stands:
+    if (lands or complies_with(status, ruling.action)) and not held:
         return None
     choices = [
         choice

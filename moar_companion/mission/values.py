@@ -106,7 +106,7 @@ class Situation:
     """True if the reference has reached the end of its trajectory."""
     dwell_s: float = 0.0
     """Time to stay at the present target."""
-    astray: bool = False
+    tracking_lost: bool = False
     """True if the aircraft is off its setpoint; given the mode, it would fly to the setpoint."""
 
 

@@ -53,7 +53,7 @@ class AutopilotLog:
         self._warning_due_s: float | None = None
         """When its absence is logged; None before the first look; infinity: not any more."""
 
-    def look(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
+    def update(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
         """Logs what is new; to be called about each second. now_s: real seconds."""
         if self._warning_due_s is None:
             self._warning_due_s = now_s + _SILENCE_S

@@ -35,9 +35,9 @@ from .risks import held_wind_finding
 
 WAIT_S = 10.0
 """Ten heartbeats: an autopilot that sends none in this time is absent."""
-_LOOK_S = 6.0
+_MIN_WAIT_S = 6.0
 """Six heartbeats, three battery messages, enough packets for a loss of some percent."""
-_LONGEST_LOOK_S = 20.0
+_MAX_WAIT_S = 20.0
 """Time after which data that has not arrived counts as unknown."""
 _RISK_PERIOD_S = 0.1
 _VERSION_PERIOD_S = 1.0
@@ -189,7 +189,7 @@ class Preflight:
             self._found_s = now_s
             session.requests.want_parameters(_parameters(profile(session.autopilot.kind)))
             session.requests.want_fence()
-        self._pose_tracker.look(session.telemetry)
+        self._pose_tracker.update(session.telemetry)
         if now_s >= self._risk_due_s:
             self._risk_due_s = now_s + _RISK_PERIOD_S
             self._risk = update(
@@ -203,8 +203,8 @@ class Preflight:
         if session.telemetry.firmware is None and now_s >= self._version_due_s:
             self._version_due_s = now_s + _VERSION_PERIOD_S
             session.requests.request_version()
-        looked_s = now_s - self._found_s
-        self._done = looked_s >= (_LOOK_S if self._is_complete() else _LONGEST_LOOK_S)
+        waited_s = now_s - self._found_s
+        self._done = waited_s >= (_MIN_WAIT_S if self._is_complete() else _MAX_WAIT_S)
 
     def data_to_send(self) -> list[tuple[str, bytes]]:
         """Returns the packets since the last call, in order, each with its link's name."""

@@ -66,7 +66,7 @@ class SitePosition:
 
     def _pose(self, telemetry: Telemetry, now_s: float) -> Pose | None:
         """Pose as the companion has it; by GNSS if the local frame's origin is unknown."""
-        self._pose_tracker.look(telemetry)
+        self._pose_tracker.update(telemetry)
         local, geodetic = telemetry.local_position, telemetry.global_position
         pose = self._pose_tracker.pose
         if local is not None and pose is not None:

@@ -65,10 +65,10 @@ class CheckInputs:
     escaping: an exit or evacuation is flown.
     drifted_m: distance that the wind has moved the aircraft; None while it holds. saturated: tilt
     or motors at their limits. held_wind_mps: maximum wind in which the aircraft can hold.
-    stands: the setpoint does not move although a path is flown.
-    strays: text for an aircraft outside the workspace and its checked legs. room_m: from the hull
-    to the nearest keep-out. widening_m: required inflation of keep-outs. azimuth_rad: of +x, from
-    north. misread: text for a wrong number of cells in the vehicle file.
+    stopped: the setpoint does not move although a path is flown.
+    excursion: text for an aircraft outside the workspace and its checked legs.
+    room_m: from the hull to the nearest keep-out. widening_m: required inflation of keep-outs.
+    azimuth_rad: of +x, from north. misread: text for a wrong number of cells in the vehicle file.
     plan_awaited_s: wait for a new inspection plan. fence_silent: the autopilot does not report its
     uploaded fence.
     """
@@ -97,8 +97,8 @@ class CheckInputs:
     drifted_m: float | None = None
     saturated: bool = False
     held_wind_mps: float | None = None
-    stands: bool = False
-    strays: str | None = None
+    stopped: bool = False
+    excursion: str | None = None
     plan_awaited_s: float | None = None
     fence_silent: bool = False
     escape_route: EscapeRoute | None = None

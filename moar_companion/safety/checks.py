@@ -62,7 +62,7 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         wind=energy_checks.wind(seen, limits.wind_limit_mps),
         ground_link=autopilot_checks.ground_link(telemetry, limits, now_s),
         autopilot_fence=faults.autopilot_fence if seen.in_control else None,
-        outside_workspace=seen.strays if seen.in_control else None,
+        outside_workspace=seen.excursion if seen.in_control else None,
         off_path=position_checks.off_path(seen, off_path_m),
         no_progress=position_checks.no_progress(seen),
         planner=_plan(seen, limits.plan_stale_s),

@@ -15,7 +15,7 @@ from .check_inputs import CheckInputs, EscapeRoute
 
 _SATURATED_OFF_M = 1.5
 """Error beyond which the aircraft cannot return, with tilt or motors at their limits. In calm air
-PX4 strays by 1.15 m."""
+PX4 deviates by 1.15 m."""
 _CRITICAL = 3
 _FAILED = 5
 """MAV_BATTERY_CHARGE_STATE: critical, emergency, failed."""

@@ -102,7 +102,7 @@ class FailsafeExposure:
         self.failsafes = moving(self._all, received)
         return True
 
-    def look(
+    def update(
         self,
         place_m: Vector | None,
         reach: FreeDistance | None,

@@ -83,7 +83,7 @@ def off_path(seen: CheckInputs, limit_m: float) -> str | None:
 
 def no_progress(seen: CheckInputs) -> str | None:
     """Text for a setpoint that does not move although a path is flown."""
-    if not seen.stands:
+    if not seen.stopped:
         return None
     error = "" if seen.error_m is None else f", {distance(seen.error_m)} m from setpoint"
     return f"no progress{error}"

@@ -69,7 +69,7 @@ _CATCHING_UP_S = 0.001
 _LONGEST_CATCHING_UP_S = 0.1
 """After a loop stall: period of the reads of queued bytes, and their maximum total time, even if
 more bytes arrive. 4 MB of queued datagrams are read in 30 ms."""
-_LOOK_PERIOD_S = 1.0
+_HOST_PERIOD_S = 1.0
 """Period of the checks of the autopilot's status and the computer's free resources."""
 _CLOCK_SET_S = 0.5
 """Least step of the wall clock that counts as set; a clock that is adjusted drifts less."""
@@ -207,7 +207,7 @@ class Service:
             self._companion.shut_down(now_s)
             self._send(now_s)
 
-    def _look_after_planner(self) -> None:
+    def _take_planner(self) -> None:
         """Takes the planner when it is ready; reports its progress until then."""
         planner, progress = self._worker.new_planner(), self._worker.new_progress()
         if planner is not None:
@@ -228,12 +228,12 @@ class Service:
     async def _cycle_loop(self, host: HostMonitor) -> None:
         """Runs one cycle and sends per setpoint period, by deadlines that do not drift."""
         period_s = 1.0 / self._config.setpoint_rate_hz
-        due_s = look_s = self._now_s()
+        due_s = host_due_s = self._now_s()
         while True:
             now_s = self._now_s()
             self._take_in(now_s)
             self._note_late_reading()
-            self._look_after_planner()
+            self._take_planner()
             self._companion.tick(now_s)
             for job in self._companion.plan_jobs():
                 self._worker.plan(job)
@@ -247,12 +247,12 @@ class Service:
                 self._watchdog.feed(now_s / self._speed)
             self._remember(now_s)
             if self._mqtt is not None:
-                self._mqtt.look(now_s, self._status_now)
-            if now_s >= look_s:
-                look_s = now_s + _LOOK_PERIOD_S
-                self._autopilot_log.look(self._companion.telemetry.autopilot, now_s / self._speed)
+                self._mqtt.publish_due(now_s, self._status_now)
+            if now_s >= host_due_s:
+                host_due_s = now_s + _HOST_PERIOD_S
+                self._autopilot_log.update(self._companion.telemetry.autopilot, now_s / self._speed)
                 self._host = replace(
-                    host.look(), read_late_s=self._read_late_s, file_faults=self._file_faults()
+                    host.read(), read_late_s=self._read_late_s, file_faults=self._file_faults()
                 )
                 self._companion.note_host(self._host)
                 self._read_late_s = 0.0

@@ -20,7 +20,7 @@ from ..planner.jit import KERNELS, Kernel
 from . import compiler
 from .priority import put_behind
 
-_LOOK_PERIOD_S = 0.2
+_PERIOD_S = 0.2
 
 _logger = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ def make_ready(report: Progress, stopped: threading.Event) -> bool:
             while any(compiler.poll() is None for compiler in compilers):
                 missing = [kernel for kernel in missing if not kernel.is_cached]
                 report(len(kernels) - len(missing), len(kernels))
-                if stopped.wait(_LOOK_PERIOD_S):
+                if stopped.wait(_PERIOD_S):
                     return False
     for kernel in kernels:
         if stopped.is_set():

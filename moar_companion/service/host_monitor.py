@@ -25,10 +25,10 @@ class HostMonitor:
         if recordings is not None:
             self._disk_free = disk_free(recordings)
             threading.Thread(
-                target=self._look_loop, args=(recordings,), name="host", daemon=True
+                target=self._read_loop, args=(recordings,), name="host", daemon=True
             ).start()
 
-    def look(self) -> Host:
+    def read(self) -> Host:
         """Free resources now; of the disk, the last value. None: not reported by the system."""
         memory = None
         with contextlib.suppress(OSError):
@@ -39,7 +39,7 @@ class HostMonitor:
         """Ends the reading of the disk."""
         self._closing.set()
 
-    def _look_loop(self, recordings: Path) -> None:
+    def _read_loop(self, recordings: Path) -> None:
         while not self._closing.wait(_PERIOD_S):
             self._disk_free = disk_free(recordings)
 

@@ -24,7 +24,7 @@ from ..mqtt.reconnecting import Backoff, ConnectionLog
 from ..mqtt.topics import Message
 from .mqtt_settings import Broker
 
-_LOOK_S = 0.1
+_PERIOD_S = 0.1
 """Period of the search for messages to be sent."""
 _KEEPALIVE_S = 15
 """The broker publishes the last will after 1.5 times this silence."""
@@ -154,7 +154,7 @@ class MqttClient:
                 _logger.info("%s", self._log.connected())
                 while not self._closing.is_set():
                     await _first_end(_publish(client, traffic.outgoing()), listening)
-                    await asyncio.wait({listening}, timeout=_LOOK_S)
+                    await asyncio.wait({listening}, timeout=_PERIOD_S)
                 last_messages = _publish(client, traffic.last_messages())
                 await asyncio.wait_for(_first_end(last_messages, listening), _LAST_MESSAGES_S)
             finally:

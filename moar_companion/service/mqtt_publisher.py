@@ -59,7 +59,7 @@ class MqttPublisher:
         self._due_s = 0.0
         self._failed = False
 
-    def look(self, now_s: float, status_now: Callable[[], dict[str, Any]]) -> None:
+    def publish_due(self, now_s: float, status_now: Callable[[], dict[str, Any]]) -> None:
         """Stores answers, and a status when one is due and there is a connection."""
         if self.orders is not None:
             self.orders.answer()

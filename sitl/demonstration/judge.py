@@ -20,7 +20,7 @@ from moar_companion.site import Conductor, Obstacle, PlanePoint, Site
 _LEG_TOLERANCE_M = 2.0
 """Maximum distance from the landing leg, in wind, outside the workspace."""
 _THERE_M = 3.0
-"""Distance at a target or a landing point; PX4 strays 2.55 m from its setpoint."""
+"""Distance at a target or a landing point; PX4 deviates by 2.55 m from its setpoint."""
 _GROUND_M = 0.0
 """Height of the ground; PX4's own simulator stands centimetres below it, even when it first reports
 flight."""

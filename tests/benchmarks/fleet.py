@@ -85,7 +85,7 @@ class Fleet(threading.Thread):
             for number, publisher in enumerate(self.publishers):
                 # Not all in the same instant; each has new texts every 10 s.
                 said = f"MOAR: {(now_s + number) // 10:.0f}"
-                publisher.look(now_s + 0.005 * number, lambda said=said: self._now(said))
+                publisher.publish_due(now_s + 0.005 * number, lambda said=said: self._now(said))
 
     def _now(self, said: str) -> dict[str, Any]:
         status = copy.copy(self._status)

@@ -103,7 +103,7 @@ def extreme(value):
         replace(IN_FLIGHT, position_moved_s=NOW_S - value),
         replace(IN_FLIGHT, origin_moved_m=value, global_off_m=value),
         replace(IN_FLIGHT, home_off_m=value),
-        replace(IN_FLIGHT, jumped_m=value, error_m=value, stands=True, plan_awaited_s=value),
+        replace(IN_FLIGHT, jumped_m=value, error_m=value, stopped=True, plan_awaited_s=value),
         replace(IN_FLIGHT, room_m=-value, host=Host(disk_free=1e-9, memory_available=0.0)),
         replace(IN_FLIGHT, risk=risk(wind(value))),
         told(ground_station=late),

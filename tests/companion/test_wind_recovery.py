@@ -81,7 +81,7 @@ def blown_off(fence, **changes):
     flight = PathFollower(volume(fence=fence, **changes), pose(RIGHT_M - 6.0, 10.0))
     flight.advance(pose(RIGHT_M + 8.0, 10.0, 3.0), STEP_S, holds=True)
     here = at_rest(flight)
-    assert flight.is_carried_off
+    assert flight.is_displaced
     return flight, here
 
 
@@ -104,7 +104,7 @@ def test_the_setpoint_returns_when_its_place_is_the_only_condition(fence, condit
     flight, here = blown_off(fence)
     status = MissionStatus(state=MissionState.HOLDING)
     WindRecovery(Silent()).act(flight, here, status, Ruling(conditions=conditions), 0.0, 100.0)
-    assert flight.returns is returns
+    assert flight.recovers is returns
 
 
 def test_a_condition_that_begins_on_the_recovery_path_ends_it_until_it_is_over():
@@ -112,13 +112,13 @@ def test_a_condition_that_begins_on_the_recovery_path_ends_it_until_it_is_over()
     recovery, status = WindRecovery(Silent()), MissionStatus(state=MissionState.HOLDING)
     recovery.act(flight, here, status, Ruling(), 0.0, 100.0)
     recovery.act(flight, here, status, Ruling(conditions=(acting("off_path"),)), 0.0, 100.1)
-    assert flight.returns
+    assert flight.recovers
     recovery.act(flight, here, status, Ruling(conditions=(acting("wind"),)), 0.0, 100.2)
-    assert not flight.returns
+    assert not flight.recovers
     at_rest(flight)
-    assert flight.is_carried_off
+    assert flight.is_displaced
     recovery.act(flight, here, status, Ruling(), 0.0, 106.0)
-    assert flight.returns
+    assert flight.recovers
 
 
 def test_an_operator_is_asked_every_five_seconds_to_fly_an_aircraft_back_that_has_no_path():
@@ -131,12 +131,12 @@ def test_an_operator_is_asked_every_five_seconds_to_fly_an_aircraft_back_that_ha
         recovery.act(flight, here, status, Ruling(), 0.0, now_s)
     outside_m = place_m(flight)[0] - RIGHT_M
     assert told.texts == [(f"{outside_m:.1f} m outside, no path back: fly it back", "")] * 2
-    assert not flight.returns
+    assert not flight.recovers
 
 
 def test_the_recovery_path_enters_the_fence_and_the_gate_accepts_the_path():
     flight, here = blown_off(FENCE)
-    assert flight.come_back(0.0)
+    assert flight.begin_recovery(0.0)
     assert flight.path.leaves_fence() is None
     for _ in range(round(90.0 / STEP_S)):
         flight.advance(here, STEP_S, holds=True)
@@ -149,7 +149,7 @@ def test_the_recovery_path_enters_the_fence_and_the_gate_accepts_the_path():
 def test_a_recovery_path_from_above_is_flown_no_faster_than_the_vehicle_descends():
     over_m = usual_planner().site.workspace.upper_m[1] + 12.0
     flight = PathFollower(volume(), pose(RIGHT_M - 4.0, over_m))
-    assert flight.come_back(0.0)
+    assert flight.begin_recovery(0.0)
     setpoints = []
     for _ in range(round(40.0 / STEP_S)):
         flight.advance(pose(*place_m(flight)[::2]), STEP_S, holds=True)

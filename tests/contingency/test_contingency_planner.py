@@ -344,7 +344,7 @@ def seen_with(routes, scene, left_s, now_s, pace=1.0):
     """Inputs of the supervisor with a given remaining flight time at this pace."""
     left_wh = left_s * 400.0 / 3600.0
     scene = replace(scene, pace=pace, meter=replace(scene.meter, left_wh=left_wh))
-    routes.look(scene, now_s)
+    routes.update(scene, now_s)
     return routes.escape_route(scene.meter)
 
 
@@ -370,8 +370,8 @@ def test_a_slow_exit_is_compared_with_an_evacuation_at_the_same_pace():
 def test_an_exit_at_rest_after_braking_has_not_arrived():
     desk, routes, scene = exit_is_flown()
     before = outlook(desk).exit
-    scene.flight.stand(scene.flight.progress(scene.pose).setpoint.position_m)
-    routes.look(scene, desk.now_s)
+    scene.flight.stop_at(scene.flight.progress(scene.pose).setpoint.position_m)
+    routes.update(scene, desk.now_s)
     after = routes.outlook(scene.meter)
     assert after.exit.duration_s == pytest.approx(before.duration_s, rel=0.1)
     assert after.finish == after.exit
@@ -391,7 +391,7 @@ def test_without_control_an_earlier_exit_has_no_preference():
 def exit_s(routes, scene, now_s, wind_mps):
     """Duration of the exit in a wind along the plane; None: wind unknown."""
     wind_mps = None if wind_mps is None else (wind_mps, 0.0, 0.0)
-    routes.look(replace(scene, wind_mps=wind_mps), now_s)
+    routes.update(replace(scene, wind_mps=wind_mps), now_s)
     return routes.outlook(scene.meter).exit.duration_s
 
 

@@ -53,7 +53,7 @@ def telemetry_at(
 def agreement_of(*telemetries, kind=PX4, grounded=False):
     agreement = FrameAgreement()
     for telemetry in telemetries:
-        agreement.look(telemetry, kind, grounded=grounded)
+        agreement.update(telemetry, kind, grounded=grounded)
     return agreement
 
 
@@ -92,7 +92,7 @@ def test_a_disagreement_lasts_until_another_global_position_agrees(later_s):
     right = replace(
         later, global_position=replace(telemetry_at().global_position, boot_s=50.0 + later_s)
     )
-    agreement.look(right, PX4, grounded=False)
+    agreement.update(right, PX4, grounded=False)
     assert agreement.global_off_m == pytest.approx(0.0, abs=0.05)
 
 
@@ -165,7 +165,7 @@ def test_an_accepted_origin_is_the_new_reference():
     agreement = agreement_of(telemetry_at(), telemetry_at(origin=(1.0, 0.0, 0.0)))
     agreement.accept_origin()
     assert agreement.origin_moved_m == 0.0
-    agreement.look(telemetry_at(origin=(1.0, 0.3, 0.0)), PX4, grounded=False)
+    agreement.update(telemetry_at(origin=(1.0, 0.3, 0.0)), PX4, grounded=False)
     assert agreement.origin_moved_m == pytest.approx(0.3, abs=0.01)
 
 
@@ -186,7 +186,7 @@ def recorded_m(name, kind):
             if (message.get_srcSystem(), message.get_srcComponent()) != (1, 1):
                 continue
             telemetry = update(telemetry, message, now_s)
-            agreement.look(telemetry, kind, grounded=False)
+            agreement.update(telemetry, kind, grounded=False)
             if agreement.global_off_m is not None:
                 found.append((now_s, agreement.global_off_m))
     return found, agreement

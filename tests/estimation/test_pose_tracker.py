@@ -45,7 +45,7 @@ def recorded_resets_rad(path):
         for message in codec.receive(packet):
             if message.get_srcComponent() == 1:
                 telemetry = update(telemetry, message, now_s)
-                jump = pose_tracker.look(telemetry)
+                jump = pose_tracker.update(telemetry)
                 resets_rad += [] if jump is None else [jump.turn_rad]
     return resets_rad
 
@@ -83,7 +83,7 @@ def test_times_follow_a_drifting_autopilot_clock_for_hours_without_the_link_dela
     tracker = PoseTracker(None, None)
     for number in range(7_200):
         late_s = 0.15 if number % 3 else 0.004
-        tracker.look(telemetry_at(100.0 + number + late_s, number * (1.0 - 50e-6)))
+        tracker.update(telemetry_at(100.0 + number + late_s, number * (1.0 - 50e-6)))
         if number:
             received_s = tracker.received_s(number * (1.0 - 50e-6))
             assert received_s == pytest.approx(100.0 + number, abs=0.01)
@@ -92,7 +92,7 @@ def test_times_follow_a_drifting_autopilot_clock_for_hours_without_the_link_dela
 def test_times_restart_with_a_restarted_autopilot():
     tracker = PoseTracker(None, None)
     assert tracker.received_s(1.0) is None
-    tracker.look(telemetry_at(100.0, 50.0))
+    tracker.update(telemetry_at(100.0, 50.0))
     assert tracker.received_s(51.0) == 101.0
-    tracker.look(telemetry_at(120.0, 2.0))
+    tracker.update(telemetry_at(120.0, 2.0))
     assert tracker.received_s(3.0) == 121.0

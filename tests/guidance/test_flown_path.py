@@ -68,17 +68,17 @@ def test_the_rest_of_the_plan_answers_only_a_request_from_the_path(planner):
 def test_a_flight_outside_counts_as_outside_until_its_recovery_leg_ends(planner):
     outside, inside = pose(-4.0, 4.5), pose(0.5, 4.5)
     flight = started(planner, outside)
-    assert flight.strays(outside) == "4.0 m outside the workspace"
-    assert flight.come_back(0.0)
-    assert flight.returns
-    assert flight.strays(inside) == "4.0 m outside, wind is less"
+    assert flight.excursion(outside) == "4.0 m outside the workspace"
+    assert flight.begin_recovery(0.0)
+    assert flight.recovers
+    assert flight.excursion(inside) == "4.0 m outside, wind is less"
     flight.brake()
-    assert flight.strays(inside) is None
+    assert flight.excursion(inside) is None
 
 
 def test_a_flight_behind_a_wall_begins_no_recovery_leg():
     wall = polygon((-1.2, -60.0), (-1.0, -60.0), (-1.0, 90.0), (-1.2, 90.0))
     flight = started(Planner(make_site(wall), make_vehicle()), pose(-4.0, 4.5))
     path = flight.path
-    assert not flight.come_back(0.0)
-    assert (flight.returns, flight.path) == (False, path)
+    assert not flight.begin_recovery(0.0)
+    assert (flight.recovers, flight.path) == (False, path)

@@ -127,7 +127,7 @@ def test_a_mission_is_rejected_while_a_condition_prevents_its_start(change, reas
 
 @pytest.mark.parametrize(
     "change",
-    [{"astray": True}, {"not_hovering": "moving at 3.0 m/s > 1, hover"}, NOBODY_KNOWS],
+    [{"tracking_lost": True}, {"not_hovering": "moving at 3.0 m/s > 1, hover"}, NOBODY_KNOWS],
 )
 def test_a_plan_is_rejected_when_the_aircraft_has_left_its_start(change):
     flight = story(S.PLANNING).see(**change)
@@ -256,9 +256,9 @@ def taken_back(flight):
 
 
 def moved_away(flight):
-    flight.change(astray=True)
+    flight.change(tracking_lost=True)
     flight.plan_found()
-    flight.change(astray=False)
+    flight.change(tracking_lost=False)
 
 
 def position_uncertain(flight):

@@ -155,13 +155,13 @@ def test_absence_of_the_autopilot_is_logged_once_and_each_change_of_its_mode(cap
     with caplog.at_level("INFO"):
         seen_at_once = AutopilotLog([LinkConfig(url="udp:127.0.0.1:14541")])
         for now_s, status in ((1.0, None), (2.0, held), (7.0, None)):
-            seen_at_once.look(status, now_s)
+            seen_at_once.update(status, now_s)
         assert len(caplog.records) == 1  # its mode alone
         caplog.clear()
         for now_s in (1.0, 5.9, 6.0, 7.0):
-            log.look(None, now_s)
+            log.update(None, now_s)
         for status in (held, replace(held, received_s=10.0), replace(held, armed=True)):
-            log.look(status, 10.0)
+            log.update(status, 10.0)
     assert [record.getMessage() for record in caplog.records] == [
         "no autopilot received on udp:127.0.0.1:14540 for 5 s; is it on, and does it send there?",
         "autopilot px4, system 7: HOLD, disarmed",

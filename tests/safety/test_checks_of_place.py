@@ -204,7 +204,7 @@ STORIES = [
     ),
     (
         "outside",
-        replace(IN_FLIGHT, strays="1.6 m outside the workspace"),
+        replace(IN_FLIGHT, excursion="1.6 m outside the workspace"),
         {"outside_workspace": "1.6 m outside the workspace"},
     ),
     (
@@ -222,7 +222,7 @@ STORIES = [
         replace(IN_FLIGHT, fence_silent=True),
         {"unmonitored": "unknown: uploaded fence"},
     ),
-    ("outside before control", replace(HOVERING, strays="1.6 m outside the workspace"), {}),
+    ("outside before control", replace(HOVERING, excursion="1.6 m outside the workspace"), {}),
     ("1.5 m beside the path", replace(IN_FLIGHT, error_m=1.5), {}),
     (
         "farther",
@@ -231,12 +231,12 @@ STORIES = [
     ),
     (
         "a setpoint that stands, nobody knows how far from the aircraft",
-        replace(IN_FLIGHT, stands=True, error_m=None),
+        replace(IN_FLIGHT, stopped=True, error_m=None),
         {"no_progress": "no progress"},
     ),
     (
         "one that waits for the aircraft",
-        replace(IN_FLIGHT, stands=True, error_m=1.4),
+        replace(IN_FLIGHT, stopped=True, error_m=1.4),
         {"no_progress": "no progress, 1.4 m from setpoint"},
     ),
     ("away from a hold that is offered", replace(HOVERING, error_m=1.6), {}),

@@ -37,7 +37,7 @@ def meter(charge):
 
 
 def reason(watch, place_m, charge=1.0, *, leaving_s=0.0, now_s=0.0, limit_s=120.0, from_s=0.0):
-    watch.look(place_m, REACH, STATION, meter(charge), now_s)
+    watch.update(place_m, REACH, STATION, meter(charge), now_s)
     return watch.reason(
         STATION, meter(charge), leaving_s=leaving_s, limit_s=limit_s, from_s=from_s, now_s=now_s
     )
@@ -160,7 +160,7 @@ def voltage_reason(power, voltage_v, charge, *, place_m=ABOVE, leaving_s=0.0):
     parameters = dict.fromkeys(profile(autopilots.ARDUPILOT).failsafe_parameters) | LANDS_AT_14_V
     assert watch.learn(autopilots.ARDUPILOT, parameters, None, telemetry)
     left = Meter(left_wh=charge * power.capacity_wh)
-    watch.look(place_m, REACH, telemetry, left, 0.0)
+    watch.update(place_m, REACH, telemetry, left, 0.0)
     return watch.reason(telemetry, left, leaving_s=leaving_s, limit_s=120.0, from_s=0.0, now_s=0.0)
 
 

@@ -28,7 +28,7 @@ def test_memory_and_disk_of_this_computer_are_reported(tmp_path):
 def look(recordings):
     watch = HostMonitor(recordings)
     watch.close()
-    return watch.look()
+    return watch.read()
 
 
 def test_the_free_disk_of_a_missing_folder_is_unknown(tmp_path):
@@ -54,9 +54,9 @@ def test_a_disk_that_does_not_answer_delays_no_caller_and_keeps_its_last_value(
     monkeypatch.setattr(host_monitor, "_PERIOD_S", 0.0)
     watch = HostMonitor(tmp_path)
     assert asked.wait(20)
-    assert watch.look().disk_free == 3e9
+    assert watch.read().disk_free == 3e9
     answers.set()
     until_s = time.monotonic() + 20.0
-    while watch.look().disk_free != 1e9 and time.monotonic() < until_s:
+    while watch.read().disk_free != 1e9 and time.monotonic() < until_s:
         time.sleep(0.001)
-    assert watch.look().disk_free == 1e9
+    assert watch.read().disk_free == 1e9

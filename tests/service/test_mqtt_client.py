@@ -43,7 +43,7 @@ def _impatient(monkeypatch):
     monkeypatch.setattr(reconnecting, "_FIRST_S", 0.1)
     monkeypatch.setattr(reconnecting, "_LONGEST_S", 0.2)
     monkeypatch.setattr(mqtt_client, "_TIMEOUT_S", 0.5)
-    monkeypatch.setattr(mqtt_client, "_LOOK_S", 0.01)
+    monkeypatch.setattr(mqtt_client, "_PERIOD_S", 0.01)
 
 
 @contextlib.contextmanager
@@ -66,7 +66,7 @@ class Loop:
     def turn(self):
         self._now_s += 0.5
         began_s = time.monotonic()
-        self._publisher.look(self._now_s, self._status)
+        self._publisher.publish_due(self._now_s, self._status)
         self.longest_s = max(self.longest_s, time.monotonic() - began_s)
         return self.made
 
