@@ -81,4 +81,4 @@ class WindRecovery:
         elif drifted_m >= _REPORT_AGAIN * self._reported_m:
             self._reported_m = drifted_m
             reason = pilot_texts.BLOWN_OFF(outside_m=f"{drifted_m:.0f}")
-            self._reports.send_text(Severity.WARNING, reason, now_s)
+            self._reports.send_text(Severity.WARNING, reason, now_s, is_new=True)

@@ -12,12 +12,14 @@ from moar_companion.companion.wind_recovery import WindRecovery
 from moar_companion.estimation.pose import Pose
 from moar_companion.guidance.flight_volume import FlightVolume
 from moar_companion.guidance.path_follower import PathFollower
+from moar_companion.mavlink.statustext import StatusTexts
 from moar_companion.mission.values import MissionStatus
 from moar_companion.mission_states import MissionState
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.safety.supervisor import Acting, Ruling
+from moar_companion.text_format import pilot_text
 
 from ..losses import loss_of
 from ..planner.problems import conductor
@@ -45,14 +47,16 @@ class Silent:
         pass
 
 
-class Told:
-    """Reports that are kept: reason and action of each."""
+class Sent:
+    """Texts that operators get, with the action of each: repeats within 10 s are dropped."""
 
     def __init__(self):
+        self._texts = StatusTexts()
         self.texts = []
 
-    def send_text(self, _severity, reason, _now_s, *, action=""):
-        self.texts.append((reason, action))
+    def send_text(self, severity, reason, now_s, *, action="", is_new=False):
+        if self._texts.messages(severity, pilot_text(reason, action), now_s, is_new=is_new):
+            self.texts.append((reason, action))
 
 
 def volume(**changes):
@@ -121,17 +125,30 @@ def test_a_condition_that_begins_on_the_recovery_path_ends_it_until_it_is_over()
     assert flight.recovers
 
 
-def test_an_operator_is_asked_every_five_seconds_to_fly_an_aircraft_back_that_has_no_path():
+def test_an_operator_is_asked_every_ten_seconds_to_fly_an_aircraft_back_that_has_no_path():
     vehicle = usual_planner().vehicle
     near = replace(vehicle, guidance=replace(vehicle.guidance, recovery_m=2.0))
     flight, here = blown_off(None, vehicle=near)
-    told = Told()
-    recovery, status = WindRecovery(told), MissionStatus(state=MissionState.HOLDING)
-    for now_s in (100.0, 104.9, 105.0):
+    sent = Sent()
+    recovery, status = WindRecovery(sent), MissionStatus(state=MissionState.HOLDING)
+    for now_s in (100.0, 104.9, 105.0, 109.9, 110.0):
         recovery.act(flight, here, status, Ruling(), 0.0, now_s)
     outside_m = place_m(flight)[0] - RIGHT_M
-    assert told.texts == [(f"{outside_m:.1f} m outside, no path back: fly it back", "")] * 2
+    assert sent.texts == [(f"{outside_m:.1f} m outside, no path back: fly it back", "")] * 2
     assert not flight.recovers
+
+
+def test_each_time_the_drift_has_doubled_an_operator_gets_a_text_at_once():
+    flight = PathFollower(volume(), pose(RIGHT_M - 6.0, 10.0))
+    from_x_m = place_m(flight)[0]
+    sent = Sent()
+    recovery, status = WindRecovery(sent), MissionStatus(state=MissionState.FLYING)
+    for now_s, drift_m in ((0.0, 4.0), (2.0, 8.0), (5.0, 15.0), (6.0, 16.0), (14.0, 32.0)):
+        here = pose(from_x_m + drift_m, 10.0, 2.0)
+        flight.advance(here, STEP_S, holds=True)
+        recovery.act(flight, here, status, Ruling(), 0.0, now_s)
+    expected = [f"wind too strong, drifting {drift_m} m" for drift_m in (8, 16, 32)]
+    assert [reason for reason, _ in sent.texts] == expected
 
 
 def test_the_recovery_path_enters_the_fence_and_the_gate_accepts_the_path():
