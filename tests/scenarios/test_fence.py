@@ -15,6 +15,7 @@ from ..flights.judging import assert_nothing_was_touched, in_plane, true_places
 from ..flights.lockstep import Lockstep, hovering
 from ..flights.operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, Manner
 from ..thorough import sampled
+from .marks import BOTH
 
 POLYGON_INCLUSION, POLYGON_EXCLUSION, CIRCLE_INCLUSION, CIRCLE_EXCLUSION = range(5001, 5005)
 DO_FENCE_ENABLE = 207
@@ -36,7 +37,6 @@ NAMES = {
     Manner.PX4: ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"),
     Manner.ARDUPILOT: ("FENCE_RADIUS", "FENCE_ALT_MAX"),
 }
-BOTH = pytest.mark.parametrize("manner", list(Manner), ids=lambda manner: manner.value)
 HOME_X_M = 27.0
 LINEDRONE = named_vehicle("linedrone_uniform")
 EXACT = replace(LINEDRONE, guidance=replace(LINEDRONE.guidance, tracking_margin_m=0.0))
