@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any
 
 from pydantic import Field, Strict
 
@@ -26,7 +26,7 @@ from .link_config import (
 from .mqtt_config import ORDER_LINK, Mqtt, MqttFile, mqtt_findings
 from .perception_config import Perception, PerceptionFile, perception_findings
 from .yaml_file import FileFinding
-from .yaml_schema import FileModel, FilePath, Name, Section, resolved
+from .yaml_schema import FileModel, FilePath, Name, Section
 
 _Seconds = Field(gt=0.0, le=3_600.0)
 
@@ -252,44 +252,29 @@ class CompanionConfig:
 
         file = yaml_file.read(path, _CompanionFile, check)
         folder = Path(path).parent
-        vehicle_path = Path(vehicle) if vehicle is not None else resolved(folder, file.vehicle)
-        links = {}
+        converted: dict[str, Any] = {}
+        if vehicle is not None:
+            converted["vehicle"] = Path(vehicle)
         if "links" in file.model_fields_set:
-            links["links"] = tuple(LinkConfig(**link.arguments()) for link in file.links)
-        commands, recorder = file.commands, file.recorder
+            links = (LinkConfig(**link.arguments(folder)) for link in file.links)
+            converted["links"] = tuple(links)
         return cls(
             **file.arguments(
-                vehicle=vehicle_path,
-                site=resolved(folder, file.site),
-                commands=Commands(
-                    **commands.arguments(
-                        systems=_listed(commands.systems),
-                        components=_listed(commands.components),
-                        links=_listed(commands.links),
-                    )
-                ),
-                recorder=RecorderSettings(
-                    **recorder.arguments(directory=resolved(folder, recorder.directory))
-                ),
-                state=State(directory=resolved(folder, file.state.directory)),
-                view=View(socket=resolved(folder, file.view.socket)),
-                signing=KeySource(
-                    **file.signing.arguments(key_file=resolved(folder, file.signing.key_file))
-                ),
+                folder,
+                commands=Commands(**file.commands.arguments(folder)),
+                recorder=RecorderSettings(**file.recorder.arguments(folder)),
+                state=State(**file.state.arguments(folder)),
+                view=View(**file.view.arguments(folder)),
+                signing=KeySource(**file.signing.arguments(folder)),
                 mqtt=file.mqtt.settings(folder),
                 perception=file.perception.settings(folder),
                 file=Path(path),
-                **links,
+                **converted,
             )
         )
 
 
 _Id = Annotated[int, Field(ge=1, le=255)]
-_Item = TypeVar("_Item")
-
-
-def _listed(values: list[_Item] | None) -> tuple[_Item, ...] | None:
-    return None if values is None else tuple(values)
 
 
 class _CommandsFile(FileModel):

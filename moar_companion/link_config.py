@@ -70,7 +70,7 @@ def _signing_findings(links: list[LinkFile], signing: SigningFile) -> Iterator[F
     key_file, credential = signing.key_file, signing.credential
     for name, value in (("key_file", key_file), ("credential", credential)):
         if value is not None and HEXADECIMAL_KEY.fullmatch(Path(value).name):
-            problem = f"is {shown(value)}, must be the name of what has the key"
+            problem = f"is {shown(str(value))}, must be the name of what has the key"
             yield FileFinding(("signing", name), problem)
             return
     if credential is not None and Path(credential).name != credential:

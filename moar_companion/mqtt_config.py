@@ -14,7 +14,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
-from .yaml_schema import FileModel, FilePath, Name, resolved
+from .yaml_schema import FileModel, FilePath, Name
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _URL = re.compile(r"(mqtts?)://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?/?")
@@ -113,17 +113,8 @@ class MqttFile(FileModel):
 
     def settings(self, folder: Path) -> Mqtt:
         """The settings; relative paths are relative to the folder of the file."""
-        return Mqtt(
-            **self.arguments(
-                ca_file=resolved(folder, self.ca_file),
-                certificate_file=resolved(folder, self.certificate_file),
-                key_file=resolved(folder, self.key_file),
-                password_file=resolved(folder, self.password_file),
-                commands=MqttCommands(
-                    **self.commands.arguments(key_file=resolved(folder, self.commands.key_file))
-                ),
-            )
-        )
+        commands = MqttCommands(**self.commands.arguments(folder))
+        return Mqtt(**self.arguments(folder, commands=commands))
 
 
 def mqtt_findings(section: MqttFile) -> Iterator[FileFinding]:
@@ -163,7 +154,7 @@ def _problems(section: MqttFile) -> Iterator[tuple[tuple[str, ...], str]]:
         if value is None:
             continue
         if HEXADECIMAL_KEY.fullmatch(Path(value).name):
-            yield keys, f"is {shown(value)}, must be the name of what has the key"
+            yield keys, f"is {shown(str(value))}, must be the name of what has the key"
         elif keys[-1].endswith("credential") and Path(value).name != value:
             problem = f"is {value!r}, must be the name of a credential, without a folder"
             yield keys, problem

@@ -12,7 +12,7 @@ from pydantic import Field, Strict
 
 from .types import Vector
 from .yaml_file import FileFinding
-from .yaml_schema import Coordinate, FileModel, FilePath, Length, Name, PositiveLength, resolved
+from .yaml_schema import Coordinate, FileModel, FilePath, Length, Name, PositiveLength
 
 Port = Annotated[int, Field(ge=1, le=65_535)]
 _Seconds = Annotated[float, Field(gt=0.0, le=3_600.0)]
@@ -116,7 +116,7 @@ class PerceptionFile(FileModel):
         roll_deg, pitch_deg, yaw_deg = self.mount.roll_pitch_yaw_deg
         return Perception(
             **self.arguments(
-                metadata=resolved(folder, self.metadata),
+                folder,
                 mount=SensorMount(
                     position_m=(forward_m, left_m, up_m),
                     roll_pitch_yaw_deg=(roll_deg, pitch_deg, yaw_deg),

@@ -19,6 +19,7 @@ from pydantic import (
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
+    GetPydanticSchema,
     Strict,
     StringConstraints,
     create_model,
@@ -43,12 +44,20 @@ class FileModel(BaseModel):
         defer_build=True,
     )
 
-    def arguments(self, **converted: Any) -> dict[str, Any]:
+    def arguments(self, folder: Path, **converted: Any) -> dict[str, Any]:
         """Arguments of the class that the mapping fills: its keys in the file, and `converted`.
 
-        A key that the class lacks raises TypeError there: none is accepted and then ignored.
+        Relative paths are relative to `folder`; lists become tuples. A key that the class lacks
+        raises TypeError there: none is accepted and then ignored.
         """
-        return {name: getattr(self, name) for name in self.model_fields_set} | converted
+        values = {name: getattr(self, name) for name in self.model_fields_set - converted.keys()}
+        return {name: _argument(value, folder) for name, value in values.items()} | converted
+
+
+def _argument(value: Any, folder: Path) -> Any:
+    if isinstance(value, list):
+        return tuple(value)
+    return folder / value if isinstance(value, Path) else value
 
 
 def _printable(text: str) -> str:
@@ -58,16 +67,18 @@ def _printable(text: str) -> str:
 
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=100), AfterValidator(_printable)]
-FilePath = Annotated[
+_PathText = Annotated[
     str, StringConstraints(min_length=1, max_length=4_000), AfterValidator(_printable)
 ]
-
-
-def resolved(folder: Path, path: str | None) -> Path | None:
-    """A path in a file, which is relative to the folder of the file."""
-    return None if path is None else folder / path
-
-
+FilePath = Annotated[
+    Path,
+    GetPydanticSchema(
+        lambda _, handler: core_schema.no_info_after_validator_function(
+            Path, handler.generate_schema(_PathText)
+        )
+    ),
+]
+"""A path as in the file."""
 Coordinate = Annotated[float, Field(ge=-_FAR_M, le=_FAR_M)]
 Length = Annotated[float, Field(ge=0.0, le=_FAR_M)]
 PositiveLength = Annotated[float, Field(gt=0.0, le=_FAR_M)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import math
 import re
 from collections.abc import Iterator
@@ -97,6 +98,29 @@ signing: {key_file: signing.key, credential: mavlink}
         recorder=RecorderSettings(directory=tmp_path / "flights"),
         state=State(directory=tmp_path / "state"),
     )
+
+
+def path_keys(schema: type[BaseModel], before: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    for name, field in schema.model_fields.items():
+        nested = _model_in(field.annotation)
+        if nested is not None:
+            yield from path_keys(nested, (*before, name))
+        elif "pathlib" in repr(field.annotation):
+            yield (*before, name)
+
+
+def test_every_relative_path_is_relative_to_the_folder_of_the_file(tmp_path: Path) -> None:
+    keys = list(path_keys(_CompanionFile))
+    assert len(keys) >= 12
+    file: dict[str, Any] = {"mqtt": {"url": "mqtts://h", "vehicle": "v", "username": "u"}}
+    for *sections, name in keys:
+        section = file
+        for key in sections:
+            section = section.setdefault(key, {})
+        section[name] = f"below/{name}"
+    config = load(yaml.safe_dump(file), tmp_path)
+    for key in keys:
+        assert functools.reduce(getattr, key, config) == tmp_path / "below" / key[-1], key
 
 
 @pytest.mark.parametrize("source", ["key_file: signing.key", "credential: mavlink"])
