@@ -59,8 +59,8 @@ class PlanInflation:
         before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
         self._uncertainty_m = risk.position_uncertainty_m
         self.needed_m = widening_m(risk, self._margin)
-        strays_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
-        self._widening = before.followed(self.needed_m + max(0.0, strays_m), now_s)
+        deviation_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
+        self._widening = before.followed(self.needed_m + max(0.0, deviation_m), now_s)
         self._lasting = self._lasting.followed(self.needed_m, now_s)
         return self._widening.width_m < before.width_m
 

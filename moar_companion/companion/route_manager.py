@@ -100,7 +100,7 @@ class RouteManager:
     def update_inflation(
         self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float
     ) -> bool:
-        """Updates the obstacle inflation, as `PlanInflation.look`; returns True if it is less."""
+        """Updates the obstacle inflation, as `PlanInflation.update`; returns True if it is less."""
         less_wide = self.inflation.update(risk, tracking_error_m, now_s)
         if less_wide:
             self.limits.offboard_loss.reconsider(self.flight)

@@ -153,11 +153,12 @@ class SetpointStreamer:
         """
         tolerance_m = self._limits.plane_tolerance_m
         reason = flight.refusal(setpoint, tolerance_m, widened_m, self._sudden_m)
-        at_rest = 0.0 < math.hypot(*self._jumped_m) <= self._margin.total_m
-        at_rest = at_rest and not any(setpoint.velocity_mps)
+        jumped = 0.0 < math.hypot(*self._jumped_m) <= self._margin.total_m
+        at_rest = not any(setpoint.velocity_mps)
         near = abs(setpoint.position_m[1]) <= tolerance_m
         if (
             reason is not None
+            and jumped
             and at_rest
             and near
             and flight.path.volume.keeps_clear(setpoint.position_m)

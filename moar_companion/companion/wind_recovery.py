@@ -61,7 +61,7 @@ class WindRecovery:
             if held:
                 flight.brake()
             return
-        if held or not flight.is_displaced or now_s < self._due_s:
+        if held or not flight.must_recover or now_s < self._due_s:
             return
         self._due_s = now_s + _AGAIN_S
         if flight.begin_recovery(widened_m):

@@ -33,7 +33,7 @@ from .trajectory import FloatArray
 from .wind_leash import WindLeash
 from .yaw import wanted_yaw_rad
 
-_STANDS_MPS = 0.05
+_STOPPED_MPS = 0.05
 """Speed below any planned speed, even at half its pace: the residue of a waiting reference."""
 
 
@@ -94,7 +94,7 @@ class PathFollower:
     @property
     def stopped(self) -> bool:
         """True if the setpoint does not move, or hardly."""
-        return math.hypot(*self._reference.velocity_mps) < _STANDS_MPS
+        return math.hypot(*self._reference.velocity_mps) < _STOPPED_MPS
 
     @property
     def mission(self) -> Mission | None:
@@ -132,7 +132,7 @@ class PathFollower:
         return pilot_texts.RETURNING(m=distance(self._path.outside_m))
 
     @property
-    def is_displaced(self) -> bool:
+    def must_recover(self) -> bool:
         """True if the setpoint, after a displacement by wind, needs a recovery leg to continue."""
         displaced = self._drift.carried and self._drift.from_m is None
         return displaced and self._path.needs_recovery
@@ -227,7 +227,7 @@ class PathFollower:
     def resumed_near_leg(
         self, volume: FlightVolume, pose: Pose, widened_m: float
     ) -> PathFollower | None:
-        """Flight resumed near its landing leg after a pilot's takeover (`FlownPath.taken_up`)."""
+        """Flight resumed near its landing leg after a takeover (`FlownPath.resumed_near_leg`)."""
         path = self._path.resumed_near_leg(volume, pose, widened_m)
         if path is None:
             return None

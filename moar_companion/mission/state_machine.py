@@ -79,8 +79,8 @@ def command(
     if isinstance(order, Task):
         return _sought(status, order, order_id, world, now_s)
     if order is Order.CONTINUE:
-        continued = status.hold_ordered or status.state in _CONTINUED
-        if status.task is None or not continued:
+        may_continue = status.hold_ordered or status.state in _CONTINUED
+        if status.task is None or not may_continue:
             return answer_rejected(status, order_id, pilot_texts.NOTHING_HELD())
         if status.task.done:
             return answer_rejected(status, order_id, pilot_texts.NOTHING_LEFT())

@@ -81,9 +81,9 @@ def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
     task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
         return None
-    held = status.sought is None and (holds or task in status.no_path)
+    keeps_hold = status.sought is None and (holds or task in status.no_path)
     lands = status.state is MissionState.LANDING_LEG and status.sought is None
-    if (lands or complies_with(status, ruling.action)) and not held:
+    if (lands or complies_with(status, ruling.action)) and not keeps_hold:
         return None
     choices = [
         choice

@@ -35,9 +35,9 @@ from .risks import held_wind_finding
 
 WAIT_S = 10.0
 """Ten heartbeats: an autopilot that sends none in this time is absent."""
-_MIN_WAIT_S = 6.0
+_COLLECTION_S = 6.0
 """Six heartbeats, three battery messages, enough packets for a loss of some percent."""
-_MAX_WAIT_S = 20.0
+_MAX_COLLECTION_S = 20.0
 """Time after which data that has not arrived counts as unknown."""
 _RISK_PERIOD_S = 0.1
 _VERSION_PERIOD_S = 1.0
@@ -203,8 +203,8 @@ class Preflight:
         if session.telemetry.firmware is None and now_s >= self._version_due_s:
             self._version_due_s = now_s + _VERSION_PERIOD_S
             session.requests.request_version()
-        waited_s = now_s - self._found_s
-        self._done = waited_s >= (_MIN_WAIT_S if self._is_complete() else _MAX_WAIT_S)
+        collected_s = now_s - self._found_s
+        self._done = collected_s >= (_COLLECTION_S if self._is_complete() else _MAX_COLLECTION_S)
 
     def data_to_send(self) -> list[tuple[str, bytes]]:
         """Returns the packets since the last call, in order, each with its link's name."""

@@ -69,7 +69,7 @@ def exposed_places(
         looked_at.add(case)
         action, home, _ = case
         for starts_m, ends_m in paths(action, home, reach, places_m, failsafes.home_m, drift_m):
-            free_m, length_m, *_, there = _followed(reach, starts_m, ends_m, from_within=True)
+            free_m, length_m, *_, there = _free_lengths(reach, starts_m, ends_m, from_within=True)
             mask[there] |= free_m < length_m
     return mask
 
@@ -138,7 +138,7 @@ def first_hit(
     from_within: includes an obstacle with the start inside its keep-out, unless the path leaves it.
     """
     for starts_m, ends_m in candidates:
-        free_m, length_m, starts, direction, there = _followed(
+        free_m, length_m, starts, direction, there = _free_lengths(
             reach, starts_m, ends_m, from_within=from_within
         )
         hits = np.flatnonzero(free_m < length_m)
@@ -150,7 +150,7 @@ def first_hit(
     return None
 
 
-def _followed(
+def _free_lengths(
     reach: FreeDistance, starts_m: FloatArray, ends_m: FloatArray, *, from_within: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
     """Free length of straight paths, and their length on the grid, both in metres.

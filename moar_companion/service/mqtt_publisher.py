@@ -49,7 +49,7 @@ def open_publisher(config: CompanionConfig) -> MqttPublisher | None:
 
 
 class MqttPublisher:
-    """The control loop's side: `look` in each cycle."""
+    """The control loop's side: `publish_due` in each cycle."""
 
     def __init__(self, traffic: _Traffic, client: MqttClient, orders: MqttOrders | None) -> None:
         self.orders = orders

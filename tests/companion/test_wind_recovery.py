@@ -53,8 +53,11 @@ class Sent:
     def __init__(self):
         self._texts = StatusTexts()
         self.texts = []
+        self.given_s = []
+        """Times of all texts, dropped or not."""
 
     def send_text(self, severity, reason, now_s, *, action="", is_new=False):
+        self.given_s.append(now_s)
         if self._texts.messages(severity, pilot_text(reason, action), now_s, is_new=is_new):
             self.texts.append((reason, action))
 
@@ -85,7 +88,7 @@ def blown_off(fence, **changes):
     flight = PathFollower(volume(fence=fence, **changes), pose(RIGHT_M - 6.0, 10.0))
     flight.advance(pose(RIGHT_M + 8.0, 10.0, 3.0), STEP_S, holds=True)
     here = at_rest(flight)
-    assert flight.is_displaced
+    assert flight.must_recover
     return flight, here
 
 
@@ -120,12 +123,12 @@ def test_a_condition_that_begins_on_the_recovery_path_ends_it_until_it_is_over()
     recovery.act(flight, here, status, Ruling(conditions=(acting("wind"),)), 0.0, 100.2)
     assert not flight.recovers
     at_rest(flight)
-    assert flight.is_displaced
+    assert flight.must_recover
     recovery.act(flight, here, status, Ruling(), 0.0, 106.0)
     assert flight.recovers
 
 
-def test_an_operator_is_asked_every_ten_seconds_to_fly_an_aircraft_back_that_has_no_path():
+def test_a_path_back_is_sought_every_five_seconds_and_an_operator_asked_every_ten_to_fly_back():
     vehicle = usual_planner().vehicle
     near = replace(vehicle, guidance=replace(vehicle.guidance, recovery_m=2.0))
     flight, here = blown_off(None, vehicle=near)
@@ -134,6 +137,7 @@ def test_an_operator_is_asked_every_ten_seconds_to_fly_an_aircraft_back_that_has
     for now_s in (100.0, 104.9, 105.0, 109.9, 110.0):
         recovery.act(flight, here, status, Ruling(), 0.0, now_s)
     outside_m = place_m(flight)[0] - RIGHT_M
+    assert sent.given_s == [100.0, 105.0, 110.0]
     assert sent.texts == [(f"{outside_m:.1f} m outside, no path back: fly it back", "")] * 2
     assert not flight.recovers
 

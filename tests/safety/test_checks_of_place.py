@@ -230,7 +230,7 @@ STORIES = [
         {"off_path": "off the path 1.6 m > 1.5"},
     ),
     (
-        "a setpoint that stands, nobody knows how far from the aircraft",
+        "a setpoint that is at rest, nobody knows how far from the aircraft",
         replace(IN_FLIGHT, stopped=True, error_m=None),
         {"no_progress": "no progress"},
     ),

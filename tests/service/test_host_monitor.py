@@ -19,21 +19,21 @@ def test_the_memory_that_linux_calls_available():
 
 
 def test_memory_and_disk_of_this_computer_are_reported(tmp_path):
-    left = look(tmp_path)
+    left = read_once(tmp_path)
     assert left.disk_free is not None
     assert left.disk_free > 0.0
     assert left.memory_available is None or left.memory_available > 0.0
 
 
-def look(recordings):
+def read_once(recordings):
     watch = HostMonitor(recordings)
     watch.close()
     return watch.read()
 
 
 def test_the_free_disk_of_a_missing_folder_is_unknown(tmp_path):
-    assert look(None).disk_free is None
-    assert look(tmp_path / "gone").disk_free is None
+    assert read_once(None).disk_free is None
+    assert read_once(tmp_path / "gone").disk_free is None
 
 
 def test_a_disk_that_does_not_answer_delays_no_caller_and_keeps_its_last_value(
