@@ -22,11 +22,10 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Type:
-    """A type of kernels. name: in digests. make: numba's own. fields: a named tuple's."""
+    """A type of kernels. name: in digests, with all fields in it. make: numba's own."""
 
     name: str
     make: Callable[[], Any]
-    fields: tuple[str, ...] | None = None
 
 
 def _named(name: str) -> Type:
@@ -64,12 +63,12 @@ def several(*types: Type) -> Type:
 
 def fields(named_tuple: Any, *types: Type) -> Type:
     """The type of a named tuple."""
+    names = [each.name for each in types]
     return Type(
-        name=f"{named_tuple.__name__} {[each.name for each in types]}",
+        name=f"{named_tuple.__name__} {list(zip(named_tuple._fields, names, strict=True))}",
         make=lambda: _numba().types.BaseTuple.from_types(
             [each.make() for each in types], named_tuple
         ),
-        fields=named_tuple._fields,
     )
 
 
@@ -84,7 +83,7 @@ class Kernel:
     ) -> None:
         self.is_helper = helper or function.__name__.startswith("_")
         """True: only kernels call it, and their machine code contains it."""
-        function.__qualname__ += f"_{_taken_in(function, arguments)}"
+        function.__qualname__ += f"_{_taken_in(function, answer, *arguments)}"
         self.py_func = function
         self._answer = answer
         self._arguments = arguments
@@ -204,11 +203,11 @@ def _load_without_blas() -> None:
         linalg.ensure_blas = ensure_usual_blas
 
 
-def _taken_in(function: Any, types: tuple[Type, ...]) -> str:
+def _taken_in(function: Any, *types: Type) -> str:
     """Digest of what a kernel, and those it calls, take from other files."""
     named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
     taken = [
-        [each.fields for each in types],
+        [each.name for each in types],
         [each for each in named if isinstance(each, (int, float))],
         [each.source for each in named if isinstance(each, Kernel)],
     ]
