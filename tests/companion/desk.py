@@ -201,7 +201,6 @@ class Desk:
         self.sent = []
         """(time, link, message) of every message that the companion sent."""
         self.decisions = []
-        self.raw = b""
         self._answers = deque()
         self._in_the_air = deque()
         self._count = 0
@@ -264,7 +263,6 @@ class Desk:
     def take_what_is_sent(self):
         self.decisions += self.companion.decisions()
         for link, data in self.companion.data_to_send():
-            self.raw += data
             for packet in packets(data):
                 message = Packet(packet)
                 self.sent.append((self.now_s, link, message))

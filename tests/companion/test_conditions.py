@@ -191,7 +191,6 @@ def test_the_loss_of_the_ground_station_has_the_configured_action(action):
     assert (desk.state, flown(desk)) == expected[action]
 
 
-@pytest.mark.slow
 def test_jumps_that_add_up_are_held_until_a_new_order():
     desk = Desk().come_to("flying", then_s=6.0)
     desk.jump(0.0, 1.4, 0.0).run(2.0)

@@ -226,7 +226,6 @@ def test_a_mission_ordered_above_the_landing_point_is_not_ended_by_the_landing()
     assert not desk.mode_requests()
 
 
-@pytest.mark.slow
 def test_a_mission_that_is_denied_above_the_landing_point_leaves_the_landing_request_on():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
     desk.plan_delay_s = 2.5
@@ -294,7 +293,6 @@ def test_no_landing_is_requested_beside_the_landing_point():
     assert len(desk.mode_requests()) > 1
 
 
-@pytest.mark.slow
 def test_without_engage_the_pilot_lands():
     desk = Desk().come_to("holding", EXIT, then_s=5.0)
     assert not desk.mode_requests()

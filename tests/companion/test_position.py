@@ -41,7 +41,6 @@ def test_an_aircraft_that_stops_following_is_reported_and_so_is_its_recovery():
     assert desk.said("MOAR: no progress")
 
 
-@pytest.mark.slow
 def test_a_frozen_position_with_a_running_clock_is_reported():
     desk = Desk(height_m=5.0).come_to("flying", then_s=5.0)
     frozen = desk.position_ned_m
@@ -50,7 +49,7 @@ def test_a_frozen_position_with_a_running_clock_is_reported():
     assert desk.said("MOAR: no progress, 1.5 m from setpoint")
 
 
-@pytest.mark.parametrize("growth", [0.3, pytest.param(0.02, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("growth", [0.3, 0.02])
 def test_a_position_on_a_link_that_falls_behind_is_stale(growth):
     desk = Desk().come_to("flying", then_s=1.0).pause().run(1.0)
     while desk.state == "holding" and desk.late_s < 1.0:

@@ -262,7 +262,6 @@ def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
     assert desk.companion.risk.indices.battery >= before - 0.01
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["has no way", "is silent"])
 def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)

@@ -32,7 +32,7 @@ def volume(*obstacles, fence=None, **site):
     )
 
 
-def test_without_a_least_altitude_a_descent_can_stop_above_its_own_lowest_place():
+def test_without_a_least_altitude_a_descent_can_stop_within_half_a_cell_of_its_lowest_place():
     space = volume(size=(10.0, 20.0))
     places = np.array([(5.0, 0.0, z) for z in (16.0, 14.0, 12.0)])
     down = np.tile((0.0, 0.0, -1.0), (3, 1))
@@ -100,5 +100,7 @@ def test_a_recovery_leg_may_begin_past_the_fence():
     setpoint = Setpoint(position_m=(9.5, 0.0, 4.5), velocity_mps=(-0.5, 0.0, 0.0), yaw_rad=0.0)
     limits = {"plane_tolerance_m": 1.0, "widened_m": 0.0}
     assert space.refusal(setpoint, (leg,), **limits) is None
+    aside = replace(setpoint, position_m=(9.5, 0.0, 8.5))
+    assert space.refusal(aside, (leg,), **limits) == "aims past GF_MAX_HOR_DIST 7 m"
     no_entry = replace(leg, is_entry=False)
     assert space.refusal(setpoint, (no_entry,), **limits) == "aims past GF_MAX_HOR_DIST 7 m"

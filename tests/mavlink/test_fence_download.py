@@ -59,7 +59,7 @@ def test_all_fence_items_are_read_in_turn_and_acknowledged():
     assert download.items[1] == FenceItem(
         command=5001,
         parameter=3.0,
-        latitude_deg=pytest.approx(45.0000001),
+        latitude_deg=pytest.approx(45.0000001, rel=0.0, abs=1e-9),
         longitude_deg=pytest.approx(7.0),
     )
 
@@ -165,4 +165,6 @@ def test_items_out_of_turn_and_before_the_count_are_ignored():
     download.handle(item(0), AUTOPILOT, 0.0)
     download.next_request(AUTOPILOT, 0.0)
     assert download.handle(item(1), AUTOPILOT, 0.0).get_type() == "MISSION_ACK"
-    assert [each.latitude_deg for each in download.items] == pytest.approx([45.0, 45.0000001])
+    assert [each.latitude_deg for each in download.items] == pytest.approx(
+        [45.0, 45.0000001], rel=0.0, abs=1e-9
+    )

@@ -25,9 +25,10 @@ def in_a_row(*along_m):
 
 
 def test_ten_points_in_a_row_are_a_conductor_and_nine_are_not():
-    close, sparse = (0.0, 0.5, 1.0, 1.5, 2.0), (4.5, 7.0, 9.5, 12.0)
-    assert lengths_m(in_a_row(*close, *sparse)) == []
-    assert lengths_m(in_a_row(*close, 3.0, *sparse)) == [pytest.approx(12.0)]
+    nine = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 9.5, 12.0)
+    assert lengths_m(in_a_row(*nine)) == []
+    assert lengths_m(in_a_row(*nine), least_points=9) == [pytest.approx(12.0)]
+    assert lengths_m(in_a_row(*sorted((*nine, 7.0)))) == [pytest.approx(12.0)]
 
 
 def test_a_short_row_of_many_points_is_no_conductor():

@@ -268,9 +268,9 @@ def test_points_without_poses_are_dropped_and_counted():
     assert perception.step(1.2).health.late == 1
 
 
-def seen_once(at_m, *, distances=8):
+def seen_once(at_m, *, distances=8, site=SITE):
     """Perception of a point at this place in the aircraft's frame, and its report."""
-    perception = LivePerception(POINTS, SITE)
+    perception = LivePerception(POINTS, site)
     for number in range(distances):
         hover(perception, 0.1 * number, 0.1 * number + 0.1)
         perception.note_points([at_m], 0.1 * number)
@@ -299,8 +299,10 @@ def test_lidar_packets_beside_a_sensor_without_packets_are_ignored():
 
 
 def test_points_beyond_the_reach_are_no_obstacle():
-    assert seen_once((20.0, 0.0, 0.1))[1].solids != ()
-    assert seen_once((60.0, 0.0, 0.1))[1].solids == ()
+    workspace = replace(SITE.workspace, upper_m=(80.0, SITE.workspace.upper_m[1]))
+    wide = replace(SITE, workspace=workspace)
+    assert seen_once((39.5, 0.0, 0.1), site=wide)[1].solids != ()
+    assert seen_once((40.5, 0.0, 0.1), site=wide)[1].solids == ()
 
 
 def test_a_turn_of_the_lidar_without_any_echo_is_a_scan_without_returns():

@@ -74,7 +74,8 @@ def test_a_landing_point_whose_approach_is_outside_the_fence_is_a_no_go():
 
 
 def test_a_landing_point_that_nothing_reaches_is_not_blamed_on_the_fence():
-    site = make_site(targets={"near": (2.5, 5.5)}, exits=[(1.5, -40.0)])
+    floor = polygon((-60.0, -1.4), (60.0, -1.4), (60.0, -1.2), (-60.0, -1.2))
+    site = make_site(floor, targets={"near": (2.5, 5.5)}, exits=[(1.5, -10.0)])
     planner = Planner(site, make_vehicle())
     findings = found(Fence(areas=(keep_away(8.5, 0.5),)), planner=planner)
     assert findings[1:] == [(OK, "fence", "all targets and ways keep 0.5 m from it")]

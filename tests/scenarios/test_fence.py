@@ -139,7 +139,6 @@ def test_under_a_ceiling_another_path_is_flown(manner, parameters, lowest_m, hig
     assert lowest_m < passed_m < highest_m
 
 
-@pytest.mark.slow
 @BOTH
 def test_a_fence_lowered_in_flight_is_kept(manner):
     """The flight holds before the new fence, and is planned again inside or ends."""

@@ -199,8 +199,7 @@ def test_an_origin_that_creeps_away_from_the_global_position_is_held(manner):
     assert_nothing_was_touched(flight)
 
 
-@pytest.mark.slow
-@ARDUPILOT_FIRST
+@BOTH
 def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(manner):
     flight = in_flight(manner, target=-1)
     margin_m = {Manner.PX4: 1.4, Manner.ARDUPILOT: 0.5}[manner]

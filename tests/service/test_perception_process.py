@@ -139,7 +139,6 @@ def test_the_perception_process_ends_with_the_service(settings):
         os.kill(number, 0)
 
 
-@pytest.mark.slow
 def test_a_slow_perception_process_delays_no_caller(settings, perception):
     first(perception, lambda _: True)
     os.kill(perception.process_id, signal.SIGSTOP)

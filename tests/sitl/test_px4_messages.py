@@ -26,6 +26,7 @@ def test_the_rates_on_an_onboard_link(flight):
     rates = _rates(flight, flight.companion, 20.0)
     for kind, hz in RATES_ONBOARD.items():
         assert rates[kind] == pytest.approx(hz, rel=0.06), kind
+        assert flight.companion.last(kind).get_msgId() > 0, kind
 
 
 def test_an_interval_is_set_per_link_and_0_restores_the_default_and_minus_1_stops(flight):

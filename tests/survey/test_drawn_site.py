@@ -253,11 +253,16 @@ def beside(place, start, end):
 
 def test_the_plane_is_the_same_whichever_way_the_conductors_are_drawn(tmp_path):
     head, *rows = LINE.splitlines()
-    drawn, back = site(LINE, tmp_path), site("\n".join([head, *reversed(rows)]), tmp_path)
-    assert back.frame.azimuth_deg == pytest.approx(drawn.frame.azimuth_deg)
-    places = [{each.name: each.position_m for each in it.obstacles} for it in (drawn, back)]
-    for name, position_m in places[0].items():
-        assert places[1][name] == pytest.approx(position_m, abs=0.01)
+    drawn = site(LINE, tmp_path)
+    of_left = [text for text in rows if ",left," in text]
+    others = [text for text in rows if ",left," not in text]
+    assert len(of_left) == 3
+    for turned in (rows[::-1], [*of_left[::-1], *others]):
+        back = site("\n".join([head, *turned]), tmp_path)
+        assert back.frame.azimuth_deg == pytest.approx(drawn.frame.azimuth_deg)
+        places = [{each.name: each.position_m for each in it.obstacles} for it in (drawn, back)]
+        for name, position_m in places[0].items():
+            assert places[1][name] == pytest.approx(position_m, abs=0.01)
 
 
 def test_a_conductor_with_two_points_at_one_place_is_refused_by_name():
