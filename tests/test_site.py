@@ -311,6 +311,7 @@ def test_outlines_agree_with_shapely(vertices: list[tuple[int, int]]) -> None:
     assert (outline_problem(np.array(vertices, dtype=float)) is None) == simple
 
 
+@pytest.mark.slow
 def test_a_large_outline_is_checked_and_a_larger_one_refused(tmp_path: Path) -> None:
     content = yaml.safe_load(EXAMPLE)
     for count in (MAX_VERTICES, MAX_VERTICES + 1):

@@ -90,9 +90,8 @@ def test_without_pyulog_a_log_is_refused(tmp_path):
     assert done.stderr == f"moar-companion: {line}\n"
 
 
-@pytest.mark.parametrize(
-    "command", [PLAN, pytest.param(("replay", RECORDING), marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [PLAN, ("replay", RECORDING)])
 def test_summary_and_json_need_no_extra(command, tmp_path):
     answer = tmp_path / "answer.json"
     done = run(*command, "--json", str(answer))

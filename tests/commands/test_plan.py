@@ -156,14 +156,8 @@ def test_the_alternatives_are_listed_and_drawn(plan, site, tmp_path, capsys):
     assert "wind 1, communication 1, localization 1: " in out
 
 
-@pytest.mark.parametrize(
-    "mission",
-    [
-        pytest.param("inspection", marks=pytest.mark.slow),
-        pytest.param("exit", marks=pytest.mark.slow),
-        "evacuation",
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("mission", ["inspection", "exit", "evacuation"])
 def test_the_refined_path_is_printed_and_drawn_beside_the_plan(
     mission, plan, site, tmp_path, capsys
 ):

@@ -70,7 +70,15 @@ def run(*argv):
     return cli.main(["site", *map(str, argv)])
 
 
-@pytest.mark.parametrize("ending", [".npz", ".xyz", ".csv", ".ply", ".pcd", ".las", ".laz"])
+@pytest.mark.parametrize(
+    "ending",
+    [
+        ".npz",
+        ".xyz",
+        ".laz",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in (".csv", ".ply", ".pcd", ".las")),
+    ],
+)
 def test_every_format_gives_the_same_site(ending, cloud, at, tmp_path, capsys):
     out = tmp_path / "site.yaml"
     assert run("from-cloud", cloud(ending), "--at", at, "--origin", ORIGIN, "--out", out) == 0

@@ -147,7 +147,13 @@ def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(
 
 
 @pytest.mark.parametrize(
-    ("order", "behind_m"), [(EXIT, 0.0), (EXIT, 0.5), (INSPECTION, 0.5), (EVACUATION, 0.5)]
+    ("order", "behind_m"),
+    [
+        (EXIT, 0.0),
+        (EXIT, 0.5),
+        pytest.param(INSPECTION, 0.5, marks=pytest.mark.slow),
+        pytest.param(EVACUATION, 0.5, marks=pytest.mark.slow),
+    ],
 )
 def test_an_order_after_a_jump_off_the_leg_is_flown(desk, order, behind_m):
     """The order is not first accepted and then held."""
@@ -207,7 +213,11 @@ def test_a_leg_that_a_pilot_has_interrupted_is_continued_from_near_it(order, bes
 
 @pytest.mark.parametrize(
     ("battery_percent", "behind_m"),
-    [pytest.param(90, 0.3, marks=pytest.mark.slow), (90, 0.6), (8, 0.6)],
+    [
+        pytest.param(90, 0.3, marks=pytest.mark.slow),
+        pytest.param(90, 0.6, marks=pytest.mark.slow),
+        (8, 0.6),
+    ],
 )
 def test_a_resumed_leg_continues_with_an_aircraft_that_the_wind_holds_beside_its_setpoint(
     battery_percent, behind_m

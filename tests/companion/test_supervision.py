@@ -379,6 +379,7 @@ def test_the_target_is_reached_only_when_the_aircraft_reaches_it():
     assert desk.state == "at_target"
 
 
+@pytest.mark.slow
 def test_the_target_is_reached_when_the_aircraft_stays_slightly_beside_its_setpoint():
     desk = at_the_end(0.8).run(4.9)
     assert desk.state == "flying"

@@ -385,7 +385,13 @@ MISSPELT = {
 
 
 @pytest.mark.parametrize("file", FILES)
-@pytest.mark.parametrize("slip", MISSPELT)
+@pytest.mark.parametrize(
+    "slip",
+    [
+        pytest.param(slip, marks=() if slip == "without a letter" else pytest.mark.slow)
+        for slip in MISSPELT
+    ],
+)
 def test_a_misspelt_key_is_named_with_the_key_that_was_meant(slip, file, tmp_path, capsys):
     keys = [
         (key, type(value) in (dict, list))

@@ -196,14 +196,16 @@ def recorded_m(name, kind):
 @pytest.mark.parametrize(
     ("name", "kind", "most_m", "longest_s"),
     [
-        ("px4/a1_boot_offboard_takeoff", PX4, 0.11, 0.0),
-        ("px4/e1_pilot_override", PX4, 0.11, 0.0),
+        pytest.param("px4/a1_boot_offboard_takeoff", PX4, 0.11, 0.0, marks=pytest.mark.slow),
+        pytest.param("px4/e1_pilot_override", PX4, 0.11, 0.0, marks=pytest.mark.slow),
         ("px4/h1_msg_intervals", PX4, 0.12, 0.0),
-        ("px4/d3_gps_silent_v117", PX4, 0.74, 0.3),  # when the receiver returned
+        pytest.param(
+            "px4/d3_gps_silent_v117", PX4, 0.74, 0.3, marks=pytest.mark.slow
+        ),  # when the receiver returned
         ("px4/d1_gps_degradation", PX4, 56.2, 0.1),  # the same
         ("ardupilot/a2_square", ARDUPILOT, 0.03, 0.0),
-        ("ardupilot/b_batt", ARDUPILOT, 0.03, 0.0),
-        ("ardupilot/d4_gps_input", ARDUPILOT, 0.03, 0.0),
+        pytest.param("ardupilot/b_batt", ARDUPILOT, 0.03, 0.0, marks=pytest.mark.slow),
+        pytest.param("ardupilot/d4_gps_input", ARDUPILOT, 0.03, 0.0, marks=pytest.mark.slow),
     ],
 )
 def test_positions_of_recorded_autopilots_agree(name, kind, most_m, longest_s):

@@ -85,7 +85,7 @@ class Flown:
     "missions",
     [
         (Mission.INSPECTION, Mission.EXIT),
-        (Mission.INSPECTION, Mission.EVACUATION),
+        pytest.param((Mission.INSPECTION, Mission.EVACUATION), marks=pytest.mark.slow),
         pytest.param(
             (Mission.INSPECTION, Mission.EXIT, Mission.INSPECTION), marks=pytest.mark.slow
         ),

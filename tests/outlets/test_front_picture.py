@@ -16,10 +16,8 @@ SITE = Site.load(CONFIGS / "sites" / "horizontal_three_conductors.yaml")
 VEHICLE = Vehicle.load(CONFIGS / "vehicles" / "linedrone.yaml")
 
 
-@pytest.mark.parametrize(
-    ("start", "found"),
-    [((27.0, 4.0), True), pytest.param((7.0, 10.0), False, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("start", "found"), [((27.0, 4.0), True), ((7.0, 10.0), False)])
 def test_a_trade_off_is_a_picture_of_many_colours(start, found):
     planner = Planner(SITE, VEHICLE)
     plan = planner.plan(mission="inspection", start=start)

@@ -102,7 +102,7 @@ SITES = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name == MANY else ()) for name in SITES]
+    "name", [pytest.param(name, marks=() if name == FAR else pytest.mark.slow) for name in SITES]
 )
 def test_any_site_can_be_drawn(name):
     mission = Mission.EXIT if name == FAR else Mission.INSPECTION
@@ -111,7 +111,7 @@ def test_any_site_can_be_drawn(name):
     assert 0.4 < height / width < 1.3
 
 
-@pytest.mark.parametrize("file_format", ["svg", "pdf"])
+@pytest.mark.parametrize("file_format", ["svg", pytest.param("pdf", marks=pytest.mark.slow)])
 def test_drawings_for_print(file_format):
     _, content = drawn(SITE, mission="inspection", file_format=file_format)
     assert content.lstrip().startswith({"svg": b"<?xml", "pdf": b"%PDF"}[file_format])

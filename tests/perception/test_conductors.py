@@ -94,7 +94,8 @@ def test_a_conductor_is_found_through_the_crown_of_a_tree():
     assert conductor.confidence < conductors_of(clean)[0].confidence
 
 
-@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 1])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_twice_as_many_outliers_as_points_of_conductors(seed):
     scene = Scene(seed).with_wires(DOUBLE_CIRCUIT).with_ground()
     scene.with_outliers(2 * int((scene.label >= 0).sum()))
@@ -105,7 +106,7 @@ def test_twice_as_many_outliers_as_points_of_conductors(seed):
     assert recall > 0.97
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_no_line_of_lone_outliers_is_a_conductor(seed):
     wires = [
         Wire(lateral_m=each.lateral_m, lowest_m=each.lowest_m, per_m=1.5) for each in DOUBLE_CIRCUIT

@@ -78,7 +78,13 @@ def grid_length(problem, states):
     return math.fsum(steps) * problem.site.workspace.resolution_m
 
 
-@pytest.mark.parametrize("kind", list(BaselineKind))
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=() if kind is BaselineKind.SHORTEST else pytest.mark.slow)
+        for kind in BaselineKind
+    ],
+)
 def test_every_path_is_legal_and_ends_as_a_plan_does(kind):
     for problem, _, answer in random_answers(f"legal {kind.value}", kind, 40):
         maps = oracle.build_maps(problem.site, problem.vehicle)

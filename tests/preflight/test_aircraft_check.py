@@ -334,10 +334,10 @@ def test_a_take_off_place_kilometres_from_the_plane_is_another_site():
     ("height_m", "level", "words"),
     [
         (2.5, WARNING, "m too low"),
-        (4.0, NO_GO, "m too low"),
+        pytest.param(4.0, NO_GO, "m too low", marks=pytest.mark.slow),
         (20.0, NO_GO, "m too low"),
         (-1.5, NO_GO, "m too high"),
-        (-4.0, NO_GO, "m too high"),
+        pytest.param(-4.0, NO_GO, "m too high", marks=pytest.mark.slow),
     ],
 )
 def test_an_altitude_that_differs_from_the_site_is_reported(height_m, level, words):

@@ -44,7 +44,10 @@ def wall(name, x_m):
     return Polygon(name=name, vertices_m=corners, keep_out_m=0.6)
 
 
-@pytest.mark.parametrize("vehicle", ["linedrone", "linedrone_flight", "x500"])
+@pytest.mark.parametrize(
+    "vehicle",
+    [pytest.param("linedrone", marks=pytest.mark.slow), "linedrone_flight", "x500"],
+)
 @pytest.mark.parametrize(
     "site", ["120kv_single_circuit", "315kv_double_circuit", "horizontal_three_conductors"]
 )

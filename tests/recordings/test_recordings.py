@@ -41,6 +41,7 @@ def shortest():
     return min(names(), key=lambda name: path_of(name).stat().st_size)
 
 
+@pytest.mark.slow
 def test_a_renewed_recording_keeps_the_inputs_and_has_new_answers(tmp_path, capsys):
     cycles = [
         cycle

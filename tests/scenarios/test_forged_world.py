@@ -16,7 +16,7 @@ from ..flights.aircraft import STEP_S
 from ..flights.judging import assert_nothing_was_touched
 from ..flights.lockstep import hovering
 from ..flights.operator import INSPECTION, TEMPORARILY_REJECTED, Manner
-from .marks import ARDUPILOT_FIRST, BOTH
+from .marks import ARDUPILOT_FIRST, BOTH, PX4_FIRST
 
 METRES_PER_DEGREE = math.radians(6_371_000.0)
 EAST_SCALE = math.cos(math.radians(45.3781))
@@ -129,7 +129,7 @@ def reported(flight, cause):
         pytest.param(Manner.ARDUPILOT, 0.3, marks=pytest.mark.slow),
         pytest.param(Manner.PX4, 0.6, marks=pytest.mark.slow),
         (Manner.PX4, 0.9),
-        (Manner.ARDUPILOT, 0.6),
+        pytest.param(Manner.ARDUPILOT, 0.6, marks=pytest.mark.slow),
         (Manner.ARDUPILOT, 0.9),
     ],
 )
@@ -199,7 +199,7 @@ def test_an_origin_that_creeps_away_from_the_global_position_is_held(manner):
     assert_nothing_was_touched(flight)
 
 
-@BOTH
+@PX4_FIRST
 def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(manner):
     flight = in_flight(manner, target=-1)
     margin_m = {Manner.PX4: 1.4, Manner.ARDUPILOT: 0.5}[manner]

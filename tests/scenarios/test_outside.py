@@ -121,7 +121,7 @@ def test_after_a_takeover_on_the_landing_leg_an_order_flies_the_rest_of_the_leg(
 
 
 @ARDUPILOT_FIRST
-@pytest.mark.parametrize("past_m", [-0.6, 0.3])
+@pytest.mark.parametrize("past_m", [pytest.param(-0.6, marks=pytest.mark.slow), 0.3])
 def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, past_m):
     flight = hovering(manner=manner)
     flight.begin(EXIT)

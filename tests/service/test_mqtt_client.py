@@ -254,6 +254,7 @@ def test_the_service_publishes_and_when_it_is_killed_its_last_will_is_published(
     wait_until(lambda: not reader.of("online", "a2")[-1]["online"])
 
 
+@pytest.mark.slow
 def test_a_broker_that_hangs_does_not_delay_the_end(tmp_path):
     with hanging() as (port, taken), companion(*configured(tmp_path, port)) as running:
         wait_until(lambda: taken)

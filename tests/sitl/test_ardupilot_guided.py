@@ -12,6 +12,7 @@ GUIDED, LOITER, ALT_HOLD = 4, 5, 2
 POSITION_VELOCITY, POSITION_ONLY, VELOCITY_ONLY = 0xDC0, 0xDF8, 0xDC7
 
 
+@pytest.mark.slow
 def test_a_moving_point_is_followed_within_seven_centimetres_on_average(hovering):
     errors = fly_square(hovering, 20, mask=POSITION_VELOCITY)
     assert sum(errors) / len(errors) == pytest.approx(0.07, abs=0.01)

@@ -338,14 +338,8 @@ def test_a_row_of_the_truth_that_a_full_disk_cut_short_is_left_out(tmp_path):
         assert read.armed
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        signal.SIGTERM,
-        pytest.param(signal.SIGINT, marks=pytest.mark.slow),
-        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_the_demonstration_ends_its_processes_when_it_is_ended(tmp_path, number):
     with subprocess.Popen(
         [sys.executable, "-m", "sitl.demonstration", "--headless", "--out", str(tmp_path)],

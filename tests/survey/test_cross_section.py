@@ -33,7 +33,9 @@ def loaded(section, tmp_path):
     return Site.load(file)
 
 
-@pytest.fixture(params=[0.0, 140.0, 260.0])
+@pytest.fixture(
+    params=[*(pytest.param(each, marks=pytest.mark.slow) for each in (0.0, 140.0)), 260.0]
+)
 def scene(request):
     return Scene(1, azimuth_deg=request.param).with_wires(DOUBLE_CIRCUIT).with_ground()
 
