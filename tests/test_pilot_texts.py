@@ -15,7 +15,7 @@ import pytest
 import moar_companion
 from moar_companion import autopilots
 from moar_companion.autopilots import PROFILES, profile
-from moar_companion.autopilots.failsafe_actions import LINKS, Action, Trigger
+from moar_companion.autopilots.failsafe_actions import LINKS, AutopilotAction, Trigger
 from moar_companion.mavlink import modes
 from moar_companion.mavlink.signing import SigningRefusal
 from moar_companion.mission.state_changes import state_words
@@ -104,7 +104,10 @@ PRODUCT = {
     "risk": list(RiskIndices().as_dict()),
     "trigger": [trigger.noun for trigger in Trigger],
     "link": [trigger.noun for trigger in LINKS],
-    "reaction": [action.noun for action in set(Action) - {Action.NONE, Action.HOLD}],
+    "reaction": [
+        action.noun
+        for action in set(AutopilotAction) - {AutopilotAction.NONE, AutopilotAction.HOLD}
+    ],
     "refusal": [refusal.value for refusal in SigningRefusal],
     "s": [seconds(1e9)],
     "m": [distance(value) for value in (1e-9, 0.04, 99.96, 1e9)],

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from ..telemetry import Failsafe
 from ..types import AutopilotKind, GeodeticPoint, Vector
 from . import ardupilot_parameters
-from .failsafe_actions import Action, FailsafeAction, Trigger
+from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
 from .profile import FailsafeText, Profile
@@ -48,34 +48,34 @@ DEFAULTS = {
 _RC_IN_GUIDED = 1 << 2
 """Bit of FS_OPTIONS: GUIDED continues without the remote control. The GCS has no such bit."""
 _ACTIONS = {
-    0: Action.NONE,
-    1: Action.LAND,
-    2: Action.RETURN,
-    3: Action.RETURN,
-    4: Action.LAND,
-    5: Action.FALL,
-    6: Action.RETURN,
-    7: Action.HOLD,
+    0: AutopilotAction.NONE,
+    1: AutopilotAction.LAND,
+    2: AutopilotAction.RETURN,
+    3: AutopilotAction.RETURN,
+    4: AutopilotAction.LAND,
+    5: AutopilotAction.FALL,
+    6: AutopilotAction.RETURN,
+    7: AutopilotAction.HOLD,
 }
 """FailsafeAction: of the battery and of dead reckoning. A smart return (3, 4) counts as its
 fallback: ArduPilot does not report if it has a path (SRTL_POINTS, a full buffer), and on that path
 it cuts corners by SRTL_ACCURACY, 2 m."""
 _RADIO = {
-    0: Action.NONE,
-    1: Action.RETURN,
-    2: Action.RETURN,
-    3: Action.LAND,
-    4: Action.RETURN,
-    5: Action.LAND,
-    6: Action.RETURN,
-    7: Action.HOLD,
+    0: AutopilotAction.NONE,
+    1: AutopilotAction.RETURN,
+    2: AutopilotAction.RETURN,
+    3: AutopilotAction.LAND,
+    4: AutopilotAction.RETURN,
+    5: AutopilotAction.LAND,
+    6: AutopilotAction.RETURN,
+    7: AutopilotAction.HOLD,
 }
 """FS_THR_ENABLE; any other value lands."""
-_GROUND_STATION = {**_RADIO, 3: Action.RETURN, 4: Action.LAND}
+_GROUND_STATION = {**_RADIO, 3: AutopilotAction.RETURN, 4: AutopilotAction.LAND}
 """FS_GCS_ENABLE; any other value returns."""
 _DRIFT_M = 5.3
 """Drift after the loss of GPS until the estimator failsafe has landed; measured on 4.6.3."""
-_ESTIMATOR = {2: Action.DRIFT}
+_ESTIMATOR = {2: AutopilotAction.DRIFT}
 """FS_EKF_ACTION: ALT_HOLD keeps the height and drifts; any other value lands."""
 _LEAST_HEIGHT_M = 0.3
 """Least height of a return, RTL_ALT_MIN."""
@@ -193,7 +193,7 @@ def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Return:
+class ArduPilotReturn:
     """ArduPilot's return (no rally points, no terrain): up, level, down; heights above home."""
 
     altitude_m: float
@@ -202,7 +202,7 @@ class Return:
     """Slope of the cone over home below which a near return stays."""
 
     @classmethod
-    def of(cls, value: Mapping[str, float]) -> Return:
+    def of(cls, value: Mapping[str, float]) -> ArduPilotReturn:
         """Return by the values of the parameters."""
         return cls(
             altitude_m=0.01 * value["RTL_ALT"],
@@ -221,14 +221,14 @@ class Return:
 
 def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     """Yields ArduPilot's failsafe actions in GUIDED, by the values of all of DEFAULTS."""
-    home = Return.of(value)
+    home = ArduPilotReturn.of(value)
     capacity_mah = value["BATT_CAPACITY"]
     for trigger, stage in ((Trigger.LOW_BATTERY, "LOW"), (Trigger.CRITICAL_BATTERY, "CRT")):
         name, volts, left_mah = (f"BATT_FS_{stage}_ACT", f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH")
         thresholds = value[volts] > 0.0 or value[left_mah] > 0.0
         yield FailsafeAction(
             trigger=trigger,
-            action=_ACTIONS.get(int(value[name]), Action.NONE) if thresholds else Action.NONE,
+            action=_ACTIONS.get(int(value[name]) if thresholds else 0, AutopilotAction.NONE),
             setting=f"{name} {value[name]:g}",
             remedy=f"{name} 0 (nothing)",
             charge=min(1.0, value[left_mah] / capacity_mah)
@@ -240,7 +240,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     if not int(value["FS_OPTIONS"]) & _RC_IN_GUIDED:
         yield FailsafeAction(
             trigger=Trigger.RC_LOSS,
-            action=_RADIO.get(int(value["FS_THR_ENABLE"]), Action.LAND),
+            action=_RADIO.get(int(value["FS_THR_ENABLE"]), AutopilotAction.LAND),
             setting=f"FS_THR_ENABLE {value['FS_THR_ENABLE']:g}",
             remedy=f"FS_OPTIONS {int(value['FS_OPTIONS']) | _RC_IN_GUIDED}, "
             "or FS_THR_ENABLE 7 (brake)",
@@ -248,7 +248,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         )
     yield FailsafeAction(
         trigger=Trigger.GCS_LOSS,
-        action=_GROUND_STATION.get(int(value["FS_GCS_ENABLE"]), Action.RETURN),
+        action=_GROUND_STATION.get(int(value["FS_GCS_ENABLE"]), AutopilotAction.RETURN),
         setting=f"FS_GCS_ENABLE {value['FS_GCS_ENABLE']:g}",
         remedy="FS_GCS_ENABLE 7 (brake)",
         home=home,
@@ -257,19 +257,20 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         # Dead reckoning needs a wind estimate, which a copter has only by its drag.
         yield FailsafeAction(
             trigger=Trigger.GPS_LOSS,
-            action=_ACTIONS.get(int(value["FS_DR_ENABLE"]), Action.NONE),
+            action=_ACTIONS.get(int(value["FS_DR_ENABLE"]), AutopilotAction.NONE),
             setting=f"FS_DR_ENABLE {value['FS_DR_ENABLE']:g}",
             remedy="FS_DR_ENABLE 0",
             home=home,
         )
-    down = _ESTIMATOR.get(int(value["FS_EKF_ACTION"]), Action.DESCEND)
     yield FailsafeAction(
         trigger=Trigger.GPS_LOSS,
-        action=down,
+        action=_ESTIMATOR.get(int(value["FS_EKF_ACTION"]), AutopilotAction.DESCEND),
         setting=f"FS_EKF_ACTION {value['FS_EKF_ACTION']:g}",
         drift_m=_DRIFT_M,
     )
-    yield FailsafeAction(trigger=Trigger.COMPANION_LOSS, action=Action.HOLD, setting="GUID_TIMEOUT")
+    yield FailsafeAction(
+        trigger=Trigger.COMPANION_LOSS, action=AutopilotAction.HOLD, setting="GUID_TIMEOUT"
+    )
 
 
 def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLoss:
@@ -286,14 +287,13 @@ def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLo
         level_mps2 / max(SOFT_MPS2, value["PSC_JERK_XY"]),
         upright_mps2 / max(SOFT_MPS2, value["PSC_JERK_Z"]),
     )
-    longer_s = max(0.0, _SHAPED * (shaping_s - _SHAPING_S))
     return OffboardLoss(
         kind=KIND,
         name=NAME,
-        action=Action.HOLD,
+        action=AutopilotAction.HOLD,
         remedy="set GUID_TIMEOUT 0.5",
         timeout_s=timeout_s,
-        stopping_s=timeout_s + _DETECTION_S + longer_s,
+        stopping_s=timeout_s + _DETECTION_S + max(0.0, _SHAPED * (shaping_s - _SHAPING_S)),
         stopping_s2pm=max(0.5 / (_LEVEL * level_mps2), 0.5 / upright_mps2),
         follows_mps2=min(level_mps2, upright_mps2),
         follows_parameters=("WPNAV_ACCEL", "WPNAV_ACCEL_Z"),

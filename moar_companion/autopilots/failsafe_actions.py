@@ -35,7 +35,7 @@ BATTERY = frozenset({Trigger.LOW_BATTERY, Trigger.CRITICAL_BATTERY, Trigger.EMER
 LINKS = frozenset({Trigger.RC_LOSS, Trigger.GCS_LOSS})
 
 
-class Action(enum.Enum):
+class AutopilotAction(enum.Enum):
     """Action of the autopilot; the value completes "it would"."""
 
     NONE = "go on"
@@ -53,10 +53,10 @@ class Action(enum.Enum):
 
 
 _NOUNS = {
-    Action.LAND: "landing",
-    Action.DESCEND: "descent",
-    Action.DRIFT: "drift",
-    Action.FALL: "motor stop",
+    AutopilotAction.LAND: "landing",
+    AutopilotAction.DESCEND: "descent",
+    AutopilotAction.DRIFT: "drift",
+    AutopilotAction.FALL: "motor stop",
 }
 
 
@@ -79,7 +79,7 @@ class FailsafeAction:
     """
 
     trigger: Trigger
-    action: Action
+    action: AutopilotAction
     setting: str
     remedy: str = ""
     charge: float | None = None

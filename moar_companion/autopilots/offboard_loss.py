@@ -15,7 +15,7 @@ import numpy.typing as npt
 from .. import pilot_texts
 from ..text_format import plural, reason_chars, with_name
 from ..types import AutopilotKind
-from .failsafe_actions import Action, ReturnHeight
+from .failsafe_actions import AutopilotAction, ReturnHeight
 
 FloatArray = npt.NDArray[np.floating[Any]]
 
@@ -37,7 +37,7 @@ class OffboardLoss:
     kind: AutopilotKind
     name: str
     """Name of the autopilot, for texts."""
-    action: Action
+    action: AutopilotAction
     remedy: str
     """Setting that prevents the objections, for texts."""
     timeout_s: float | None
@@ -92,10 +92,10 @@ class OffboardLoss:
         if self.timeout_s is not None and self.timeout_s > _LONGEST_S:
             fly_on = f"it would fly on for {self.timeout_s:.3g} s"
             return f"{fly_on} (on offboard loss; {self.remedy})"
-        if self.action is Action.RETURN and self.home is None:
+        if self.action is AutopilotAction.RETURN and self.home is None:
             why = f"{self.unknown_return}; "
             return self._against(f"{self.action.value} by an unknown way", why=why)
-        return self._against(self.action.value) if self.action is Action.FALL else None
+        return self._against(self.action.value) if self.action is AutopilotAction.FALL else None
 
     def collision(self, obstacle: str) -> str:
         """Reason against a flight on which the action would hit an obstacle."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from ..types import AutopilotKind, GeodeticPoint, Vector
 from . import px4_parameters
-from .failsafe_actions import Action, FailsafeAction, Trigger
+from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
 from .profile import Profile
@@ -48,27 +48,27 @@ _OFFBOARD_LOSS = {
     0: None,
     1: None,
     2: None,
-    3: Action.RETURN,
-    4: Action.LAND,
-    5: Action.HOLD,
-    6: Action.FALL,
-    7: Action.FALL,
+    3: AutopilotAction.RETURN,
+    4: AutopilotAction.LAND,
+    5: AutopilotAction.HOLD,
+    6: AutopilotAction.FALL,
+    7: AutopilotAction.FALL,
 }
 """COM_OBL_RC_ACT; None: a mode with sticks, and without them that of NAV_RCL_ACT. Any other value
 counts as a return."""
 _LINK_LOSS = {
-    0: Action.NONE,
-    1: Action.HOLD,
-    2: Action.RETURN,
-    3: Action.LAND,
-    5: Action.FALL,
-    6: Action.FALL,
+    0: AutopilotAction.NONE,
+    1: AutopilotAction.HOLD,
+    2: AutopilotAction.RETURN,
+    3: AutopilotAction.LAND,
+    5: AutopilotAction.FALL,
+    6: AutopilotAction.FALL,
 }
 """NAV_RCL_ACT, NAV_DLL_ACT; any other value means no action."""
 _BATTERY = {
-    1: (Action.RETURN, Action.RETURN),
-    2: (Action.LAND, Action.LAND),
-    3: (Action.RETURN, Action.LAND),
+    1: (AutopilotAction.RETURN, AutopilotAction.RETURN),
+    2: (AutopilotAction.LAND, AutopilotAction.LAND),
+    3: (AutopilotAction.RETURN, AutopilotAction.LAND),
 }
 """COM_LOW_BAT_ACT: at BAT_CRIT_THR, at BAT_EMERGEN_THR; at BAT_LOW_THR PX4 only warns."""
 
@@ -158,7 +158,7 @@ def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Return:
+class Px4Return:
     """PX4's return (RTL_TYPE 0, no rally points): up, level, down; heights above home.
 
     As in PX4's `calculate_return_alt_from_cone_half_angle`.
@@ -172,7 +172,7 @@ class Return:
     arrived_m: float
 
     @classmethod
-    def of(cls, value: Mapping[str, float]) -> Return | None:
+    def of(cls, value: Mapping[str, float]) -> Px4Return | None:
         """Return by the values of the parameters; None for a return to a place other than home."""
         if value["RTL_TYPE"]:
             return None
@@ -196,12 +196,12 @@ class Return:
         return max(height_m, climbs_m, 2.0 * self.arrived_m)
 
 
-def _loss_action(value: Mapping[str, float]) -> Action:
+def _loss_action(value: Mapping[str, float]) -> AutopilotAction:
     """Action without setpoints and sticks."""
-    action = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), Action.RETURN)
+    action = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), AutopilotAction.RETURN)
     if action is None:
-        action = _LINK_LOSS.get(int(value["NAV_RCL_ACT"]), Action.RETURN)
-    return Action.RETURN if action is Action.NONE else action
+        action = _LINK_LOSS.get(int(value["NAV_RCL_ACT"]), AutopilotAction.RETURN)
+    return AutopilotAction.RETURN if action is AutopilotAction.NONE else action
 
 
 def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLoss:
@@ -220,7 +220,7 @@ def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLo
         timeout_s=None,
         stopping_s=_OVERSHOOT / gain_per_s,
         stopping_s2pm=_SWITCH_S2PM + 0.5 / brakes_mps2 - 0.5 / _HARD_MPS2,
-        home=Return.of(value),
+        home=Px4Return.of(value),
         unknown_return="RTL_TYPE is not 0",
         unreported=unreported,
     )
@@ -246,12 +246,12 @@ def _fence(
 
 def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     """Yields PX4's failsafe actions in OFFBOARD, by the values of all parameters of DEFAULTS."""
-    home = Return.of(value)
+    home = Px4Return.of(value)
     battery = int(value["COM_LOW_BAT_ACT"])
     for trigger, threshold, action in zip(
         (Trigger.CRITICAL_BATTERY, Trigger.EMERGENCY_BATTERY),
         ("BAT_CRIT_THR", "BAT_EMERGEN_THR"),
-        _BATTERY.get(battery, (Action.NONE, Action.NONE)),
+        _BATTERY.get(battery, (AutopilotAction.NONE, AutopilotAction.NONE)),
         strict=True,
     ):
         yield FailsafeAction(
@@ -270,7 +270,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
             continue
         yield FailsafeAction(
             trigger=trigger,
-            action=_LINK_LOSS.get(int(value[name]), Action.NONE),
+            action=_LINK_LOSS.get(int(value[name]), AutopilotAction.NONE),
             setting=f"{name} {value[name]:g}",
             remedy=f"{name} 1 (hold), or {excepts} {int(value[excepts]) | _OFFBOARD_BIT}",
             home=home,
@@ -281,7 +281,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     # needs a position, too, falls back to a descent. ALTCTL without sticks is a descent as well.
     yield FailsafeAction(
         trigger=Trigger.GPS_LOSS,
-        action=Action.FALL if lost is Action.FALL else Action.DESCEND,
+        action=AutopilotAction.FALL if lost is AutopilotAction.FALL else AutopilotAction.DESCEND,
         setting=offboard,
         drift_m=_DRIFT_M,
     )

@@ -6,7 +6,7 @@ reaction to a companion failure, as measured.
 
 from __future__ import annotations
 
-from .failsafe_actions import Action
+from .failsafe_actions import AutopilotAction
 from .parameter_rules import (
     CLIMBING,
     CLIMBS,
@@ -39,13 +39,13 @@ def _critical_battery(value: float, case: Case) -> Verdict:
     return (Level.OK if value < full else Level.WARNING), words
 
 
-_THEREFORE = {Action.RETURN: f", {CLIMBS}", Action.FALL: ": it falls"}
+_THEREFORE = {AutopilotAction.RETURN: f", {CLIMBS}", AutopilotAction.FALL: ": it falls"}
 
 
 def _companion_loss(value: float, case: Case) -> Verdict:
     action = case.loss.action
     word = _OFFBOARD_LOSS.get(int(value), "not known here, taken for a return")
-    level = Level.WARNING if action is Action.RETURN else Level.OK
+    level = Level.WARNING if action is AutopilotAction.RETURN else Level.OK
     if case.loss.objection_anywhere is not None:
         level = case.objection
     return level, f"{value:g} ({word}{_THEREFORE.get(action, '')})"

@@ -9,7 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..autopilots.failsafe_actions import BATTERY, LINKS, Action, FailsafeAction, Failsafes, Trigger
+from ..autopilots.failsafe_actions import (
+    BATTERY,
+    LINKS,
+    AutopilotAction,
+    FailsafeAction,
+    Failsafes,
+    Trigger,
+)
 from ..autopilots.offboard_loss import OffboardLoss
 from ..config import LossCheck, Supervision
 from ..planner.plan_values import PlanStatus
@@ -53,7 +60,7 @@ def failsafe_findings(
     if routes and not found:
         text = "no action of the autopilot's own would hit anything on any way of this site"
         found = [Finding(level=Level.OK, subject=SUBJECT, text=text)]
-    returns = any(item.action is Action.RETURN for item in failsafes.actions)
+    returns = any(item.action is AutopilotAction.RETURN for item in failsafes.actions)
     if returns and failsafes.home_m is None:
         text = "home is unknown: returns were looked at as far as they climb"
         found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
@@ -65,7 +72,7 @@ def failsafe_findings(
 
 def _level(item: FailsafeAction, limits: Supervision) -> Level:
     """No-go without any protection, or as configured; a note if no parameter helps."""
-    if item.action is Action.FALL:
+    if item.action is AutopilotAction.FALL:
         return Level.NO_GO
     if item.trigger in LINKS and limits.failsafe_action is LossCheck.REFUSE:
         return Level.NO_GO
@@ -76,7 +83,7 @@ def _level(item: FailsafeAction, limits: Supervision) -> Level:
 
 def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) -> str:
     """Text about the protection from a battery's action."""
-    if item.trigger not in BATTERY or item.action is Action.FALL:
+    if item.trigger not in BATTERY or item.action is AutopilotAction.FALL:
         return ""
     if item.voltage_v is not None and power.cells is None:
         return "; its time cannot be forecast without risk.cells of the vehicle file"

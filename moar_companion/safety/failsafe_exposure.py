@@ -19,7 +19,7 @@ from ..autopilots import profile
 from ..autopilots.failsafe_actions import (
     BATTERY,
     NO_FAILSAFES,
-    Action,
+    AutopilotAction,
     FailsafeAction,
     Failsafes,
     Trigger,
@@ -33,7 +33,7 @@ from ..text_format import reason_chars, seconds, with_name
 from ..types import AutopilotKind, Vector
 from .failsafe_paths import Hit, failsafe_hit
 
-_STAYS = frozenset({Action.NONE, Action.HOLD})
+_STAYS = frozenset({AutopilotAction.NONE, AutopilotAction.HOLD})
 """Actions after which the aircraft stays in place."""
 _NEAR_VOLTAGE = 1.03
 """Factor on a voltage threshold: a lithium cell sags by 0.1 V (3 %) when a multirotor climbs."""
@@ -189,7 +189,7 @@ class FailsafeExposure:
         return [
             time_s
             for item in self._all.of(BATTERY).actions
-            if item.action is not Action.NONE
+            if item.action is not AutopilotAction.NONE
             for time_s in _times_s(item, telemetry, meter, self._power)
         ]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..autopilots.failsafe_actions import Action, FailsafeAction, Failsafes, ReturnHeight
+from ..autopilots.failsafe_actions import AutopilotAction, FailsafeAction, Failsafes, ReturnHeight
 from ..autopilots.offboard_loss import OffboardLoss
 from ..planner.free_distance import FreeDistance
 from ..planner.grid import BoolArray, FloatArray, IntArray
@@ -20,7 +20,7 @@ from ..types import Vector
 
 _LEAST_M = 1e-9
 """Least length of a path."""
-_DOWN = frozenset({Action.LAND, Action.DESCEND, Action.FALL})
+_DOWN = frozenset({AutopilotAction.LAND, AutopilotAction.DESCEND, AutopilotAction.FALL})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,11 +59,11 @@ def exposed_places(
     drifting: as in `failsafe_hit`.
     """
     mask = np.zeros(len(places_m), dtype=np.bool_)
-    looked_at: set[tuple[Action, ReturnHeight | None, float]] = set()
+    looked_at: set[tuple[AutopilotAction, ReturnHeight | None, float]] = set()
     for item in failsafes.actions:
         drift_m = item.drift_m if drifting else 0.0
         down = item.action in _DOWN
-        case = (Action.LAND, None, drift_m) if down else (item.action, item.home, drift_m)
+        case = (AutopilotAction.LAND, None, drift_m) if down else (item.action, item.home, drift_m)
         if case in looked_at:
             continue
         looked_at.add(case)
@@ -82,7 +82,7 @@ def loss_objection(
     home_m: (x, y, z) in the site's frame. Only the site's obstacles are known. A return is
     checked as far as it lies in the plane; without a home, only its climb.
     """
-    if loss.objection_anywhere is not None or loss.action is Action.HOLD:
+    if loss.objection_anywhere is not None or loss.action is AutopilotAction.HOLD:
         return loss.objection_anywhere
     candidates = paths(loss.action, loss.home, reach, rests_m, home_m)
     hit = first_hit(reach, candidates, from_within=True)
@@ -90,7 +90,7 @@ def loss_objection(
 
 
 def paths(
-    action: Action,
+    action: AutopilotAction,
     home: ReturnHeight | None,
     reach: FreeDistance,
     places_m: FloatArray,
@@ -104,7 +104,7 @@ def paths(
     hold of the height drifts level by it.
     """
     x_m, z_m = places_m.T
-    if action is Action.DRIFT:
+    if action is AutopilotAction.DRIFT:
         return [(places_m, places_m + np.array([aside_m, 0.0])) for aside_m in (-drift_m, drift_m)]
     if action in _DOWN:
         cells = math.ceil(drift_m / reach.grid.resolution_m)
@@ -114,7 +114,7 @@ def paths(
             (np.stack([x_m + aside_m, z_m], axis=1), np.stack([x_m + aside_m, ground_m], axis=1))
             for aside_m in sorted(asides_m, key=abs)
         ]
-    if action is not Action.RETURN:
+    if action is not AutopilotAction.RETURN:
         return []
     if home_m is None or home is None:
         return [(places_m, np.stack([x_m, np.full_like(z_m, reach.grid.upper_m[1])], axis=1))]

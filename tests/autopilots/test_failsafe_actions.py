@@ -9,8 +9,8 @@ import pytest
 
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
-from moar_companion.autopilots.ardupilot import Return
-from moar_companion.autopilots.failsafe_actions import Action, Trigger
+from moar_companion.autopilots.ardupilot import ArduPilotReturn
+from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.safety.failsafe_paths import exposed_places, failsafe_hit
 
@@ -37,23 +37,23 @@ def actions(kind, trigger, **parameters):
 @pytest.mark.parametrize(
     ("trigger", "parameters", "action"),
     [
-        (Trigger.CRITICAL_BATTERY, {}, Action.NONE),
-        (Trigger.CRITICAL_BATTERY, {"COM_LOW_BAT_ACT": 2.0}, Action.LAND),
-        (Trigger.CRITICAL_BATTERY, {"COM_LOW_BAT_ACT": 3.0}, Action.RETURN),
-        (Trigger.EMERGENCY_BATTERY, {"COM_LOW_BAT_ACT": 3.0}, Action.LAND),
-        (Trigger.RC_LOSS, {}, Action.RETURN),
-        (Trigger.RC_LOSS, {"NAV_RCL_ACT": 3.0}, Action.LAND),
-        (Trigger.RC_LOSS, {"NAV_RCL_ACT": 5.0}, Action.FALL),
+        (Trigger.CRITICAL_BATTERY, {}, AutopilotAction.NONE),
+        (Trigger.CRITICAL_BATTERY, {"COM_LOW_BAT_ACT": 2.0}, AutopilotAction.LAND),
+        (Trigger.CRITICAL_BATTERY, {"COM_LOW_BAT_ACT": 3.0}, AutopilotAction.RETURN),
+        (Trigger.EMERGENCY_BATTERY, {"COM_LOW_BAT_ACT": 3.0}, AutopilotAction.LAND),
+        (Trigger.RC_LOSS, {}, AutopilotAction.RETURN),
+        (Trigger.RC_LOSS, {"NAV_RCL_ACT": 3.0}, AutopilotAction.LAND),
+        (Trigger.RC_LOSS, {"NAV_RCL_ACT": 5.0}, AutopilotAction.FALL),
         (Trigger.RC_LOSS, {"COM_RCL_EXCEPT": 4.0}, None),
-        (Trigger.GCS_LOSS, {}, Action.NONE),
-        (Trigger.GCS_LOSS, {"NAV_DLL_ACT": 3.0}, Action.LAND),
+        (Trigger.GCS_LOSS, {}, AutopilotAction.NONE),
+        (Trigger.GCS_LOSS, {"NAV_DLL_ACT": 3.0}, AutopilotAction.LAND),
         (Trigger.GCS_LOSS, {"NAV_DLL_ACT": 3.0, "COM_DLL_EXCEPT": 4.0}, None),
-        (Trigger.GPS_LOSS, {"COM_OBL_RC_ACT": 5.0}, Action.DESCEND),
-        (Trigger.COMPANION_LOSS, {"COM_OBL_RC_ACT": 4.0}, Action.LAND),
-        (Trigger.COMPANION_LOSS, {}, Action.RETURN),
-        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 3.0}, Action.LAND),
-        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 5.0}, Action.FALL),
-        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 0.0}, Action.RETURN),
+        (Trigger.GPS_LOSS, {"COM_OBL_RC_ACT": 5.0}, AutopilotAction.DESCEND),
+        (Trigger.COMPANION_LOSS, {"COM_OBL_RC_ACT": 4.0}, AutopilotAction.LAND),
+        (Trigger.COMPANION_LOSS, {}, AutopilotAction.RETURN),
+        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 3.0}, AutopilotAction.LAND),
+        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 5.0}, AutopilotAction.FALL),
+        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 0.0}, AutopilotAction.RETURN),
     ],
 )
 def test_the_parameters_of_px4_set_its_failsafe_actions(trigger, parameters, action):
@@ -63,29 +63,29 @@ def test_the_parameters_of_px4_set_its_failsafe_actions(trigger, parameters, act
 @pytest.mark.parametrize(
     ("trigger", "parameters", "action"),
     [
-        (Trigger.LOW_BATTERY, {}, Action.NONE),
-        (Trigger.LOW_BATTERY, {"BATT_FS_LOW_ACT": 2.0}, Action.RETURN),
-        (Trigger.CRITICAL_BATTERY, {"BATT_FS_CRT_ACT": 1.0}, Action.NONE),
+        (Trigger.LOW_BATTERY, {}, AutopilotAction.NONE),
+        (Trigger.LOW_BATTERY, {"BATT_FS_LOW_ACT": 2.0}, AutopilotAction.RETURN),
+        (Trigger.CRITICAL_BATTERY, {"BATT_FS_CRT_ACT": 1.0}, AutopilotAction.NONE),
         (
             Trigger.CRITICAL_BATTERY,
             {"BATT_FS_CRT_ACT": 1.0, "BATT_CRT_VOLT": 10.2},
-            Action.LAND,
+            AutopilotAction.LAND,
         ),
-        (Trigger.RC_LOSS, {}, Action.RETURN),
-        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 3.0}, Action.LAND),
-        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 7.0}, Action.HOLD),
+        (Trigger.RC_LOSS, {}, AutopilotAction.RETURN),
+        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 3.0}, AutopilotAction.LAND),
+        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 7.0}, AutopilotAction.HOLD),
         (Trigger.RC_LOSS, {"FS_OPTIONS": 4.0}, None),
-        (Trigger.GCS_LOSS, {}, Action.NONE),
-        (Trigger.GCS_LOSS, {"FS_GCS_ENABLE": 5.0, "FS_OPTIONS": 4.0}, Action.LAND),
-        (Trigger.GPS_LOSS, {}, Action.DESCEND),
-        (Trigger.GPS_LOSS, {"FS_EKF_ACTION": 2.0}, Action.DRIFT),
-        (Trigger.LOW_BATTERY, {"BATT_FS_LOW_ACT": 3.0}, Action.RETURN),
-        (Trigger.LOW_BATTERY, {"BATT_FS_LOW_ACT": 4.0}, Action.LAND),
-        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 4.0}, Action.RETURN),
-        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 5.0}, Action.LAND),
-        (Trigger.GCS_LOSS, {"FS_GCS_ENABLE": 3.0}, Action.RETURN),
-        (Trigger.GCS_LOSS, {"FS_GCS_ENABLE": 4.0}, Action.LAND),
-        (Trigger.COMPANION_LOSS, {}, Action.HOLD),
+        (Trigger.GCS_LOSS, {}, AutopilotAction.NONE),
+        (Trigger.GCS_LOSS, {"FS_GCS_ENABLE": 5.0, "FS_OPTIONS": 4.0}, AutopilotAction.LAND),
+        (Trigger.GPS_LOSS, {}, AutopilotAction.DESCEND),
+        (Trigger.GPS_LOSS, {"FS_EKF_ACTION": 2.0}, AutopilotAction.DRIFT),
+        (Trigger.LOW_BATTERY, {"BATT_FS_LOW_ACT": 3.0}, AutopilotAction.RETURN),
+        (Trigger.LOW_BATTERY, {"BATT_FS_LOW_ACT": 4.0}, AutopilotAction.LAND),
+        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 4.0}, AutopilotAction.RETURN),
+        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 5.0}, AutopilotAction.LAND),
+        (Trigger.GCS_LOSS, {"FS_GCS_ENABLE": 3.0}, AutopilotAction.RETURN),
+        (Trigger.GCS_LOSS, {"FS_GCS_ENABLE": 4.0}, AutopilotAction.LAND),
+        (Trigger.COMPANION_LOSS, {}, AutopilotAction.HOLD),
     ],
 )
 def test_the_parameters_of_ardupilot_set_its_failsafe_actions(trigger, parameters, action):
@@ -94,7 +94,7 @@ def test_the_parameters_of_ardupilot_set_its_failsafe_actions(trigger, parameter
 
 def test_dead_reckoning_counts_where_the_estimator_fuses_drag():
     found = actions(ARDUPILOT, Trigger.GPS_LOSS, EK3_DRAG_MCOEF=0.2)
-    assert found == [Action.RETURN, Action.DESCEND]
+    assert found == [AutopilotAction.RETURN, AutopilotAction.DESCEND]
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
@@ -114,12 +114,12 @@ def test_a_threshold_in_mah_is_converted_to_a_charge():
 
 
 def test_ardupilot_returns_at_its_altitude_below_a_cone():
-    home = Return(altitude_m=15.0, climb_m=0.0, slope=3.0)
+    home = ArduPilotReturn(altitude_m=15.0, climb_m=0.0, slope=3.0)
     assert home.height_m(5.0, 100.0) == 15.0
     assert home.height_m(5.0, 2.0) == 6.0
     assert home.height_m(5.0, 1.0) == 5.0
     assert home.height_m(20.0, 1.0) == 20.0
-    assert Return(altitude_m=15.0, climb_m=2.0, slope=0.0).height_m(14.0, 1.0) == 16.0
+    assert ArduPilotReturn(altitude_m=15.0, climb_m=2.0, slope=0.0).height_m(14.0, 1.0) == 16.0
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import all as mavlink
 import moar_companion
 from moar_companion import autopilots
 from moar_companion.autopilots import PROFILES, kind_of, profile
-from moar_companion.autopilots.failsafe_actions import Action
+from moar_companion.autopilots.failsafe_actions import AutopilotAction
 from moar_companion.autopilots.fence import Fence
 from moar_companion.autopilots.offboard_loss import OffboardLoss
 from moar_companion.autopilots.parameter_rules import Rule, switch
@@ -37,7 +37,7 @@ def read_loss(value, unreported):
     return OffboardLoss(
         kind=MADE_UP,
         name="Made-up",
-        action=Action.HOLD if value["MU_STAYS"] else Action.FALL,
+        action=AutopilotAction.HOLD if value["MU_STAYS"] else AutopilotAction.FALL,
         remedy="set MU_STAYS 1",
         timeout_s=None,
         stopping_s=0.5,

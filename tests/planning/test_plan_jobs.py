@@ -10,7 +10,7 @@ import pytest
 from moar_companion.adaptation import Adaptation, AdaptationKind
 from moar_companion.autopilots.failsafe_actions import (
     NO_FAILSAFES,
-    Action,
+    AutopilotAction,
     FailsafeAction,
     Failsafes,
     Trigger,
@@ -139,7 +139,7 @@ def test_missing_memory_for_tables_is_logged_once_and_planning_continues(
 
 
 def test_changed_failsafes_are_marked_once_and_the_tables_are_rebuilt(planner):
-    lands = FailsafeAction(trigger=Trigger.GCS_LOSS, action=Action.LAND, setting="")
+    lands = FailsafeAction(trigger=Trigger.GCS_LOSS, action=AutopilotAction.LAND, setting="")
     failsafes, target = Failsafes(actions=(lands,)), planner.site.targets[0].name
     worker = PlannerWorker()
     worker.take(planner)

@@ -13,7 +13,7 @@ from shapely.geometry import LineString, Point
 
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
-from moar_companion.autopilots.failsafe_actions import Action
+from moar_companion.autopilots.failsafe_actions import AutopilotAction
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.safety.failsafe_paths import first_hit, loss_objection
 from sitl.autopilot import FakeAutopilot, Options
@@ -37,15 +37,15 @@ def loss(kind, **parameters):
 @pytest.mark.parametrize(
     ("value", "action"),
     [
-        (0, Action.RETURN),
-        (1, Action.RETURN),
-        (2, Action.RETURN),
-        (3, Action.RETURN),
-        (4, Action.LAND),
-        (5, Action.HOLD),
-        (6, Action.FALL),
-        (7, Action.FALL),
-        (99, Action.RETURN),
+        (0, AutopilotAction.RETURN),
+        (1, AutopilotAction.RETURN),
+        (2, AutopilotAction.RETURN),
+        (3, AutopilotAction.RETURN),
+        (4, AutopilotAction.LAND),
+        (5, AutopilotAction.HOLD),
+        (6, AutopilotAction.FALL),
+        (7, AutopilotAction.FALL),
+        (99, AutopilotAction.RETURN),
     ],
 )
 def test_com_obl_rc_act_sets_the_action_of_px4(value, action):
@@ -53,7 +53,7 @@ def test_com_obl_rc_act_sets_the_action_of_px4(value, action):
 
 
 def test_ardupilot_holds_for_any_parameters():
-    assert loss(ARDUPILOT, GUID_TIMEOUT=0.5).action is Action.HOLD
+    assert loss(ARDUPILOT, GUID_TIMEOUT=0.5).action is AutopilotAction.HOLD
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
@@ -67,7 +67,7 @@ def test_the_action_is_unknown_before_all_parameters_are_requested(kind):
 def test_a_parameter_never_reported_has_its_default_and_is_named(kind):
     unreported = loss(kind)
     assert unreported.unreported == profile(kind).loss_parameters
-    assert unreported.action is (Action.RETURN if kind is PX4 else Action.HOLD)
+    assert unreported.action is (AutopilotAction.RETURN if kind is PX4 else AutopilotAction.HOLD)
     assert unreported.timeout_s == (None if kind is PX4 else 3.0)
     first, *others = profile(kind).loss_parameters
     assert loss(kind, **{first: 1.0}).unreported == tuple(others)
