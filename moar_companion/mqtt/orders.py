@@ -3,9 +3,9 @@
     topic    moar/VEHICLE/order
     payload  {"order": TEXT, "signature": HEX}
 
-TEXT is the JSON of a `payloads.Order`. HEX is the HMAC-SHA256, with the configured key, of three
-lines with line feeds between them: `moar-order-1`, the vehicle's name, and TEXT. The name binds an
-order to one vehicle, also in a fleet with one key.
+TEXT is the JSON of a `payloads.OrderPayload`. HEX is the HMAC-SHA256, with the configured key, of
+three lines with line feeds between them: `moar-order-1`, the vehicle's name, and TEXT. The name
+binds an order to one vehicle, also in a fleet with one key.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from .payloads import Order, error_words
+from .payloads import OrderPayload, error_words
 
 _PURPOSE = "moar-order-1"
 _LONGEST_BYTES = 2048
@@ -40,7 +40,7 @@ class RefusedOrder:
     nonce: str | None = None
 
 
-def signed_order(order: Order, vehicle: str, key: bytes) -> bytes:
+def signed_order(order: OrderPayload, vehicle: str, key: bytes) -> bytes:
     """Payload of an order for a vehicle."""
     text = order.model_dump_json()
     return json.dumps({"order": text, "signature": _signature(text, vehicle, key)}).encode()
@@ -68,13 +68,13 @@ class OrderChecks:
 
     def check(
         self, payload: bytes, wall_s: float, *, retained: bool = False
-    ) -> Order | RefusedOrder:
+    ) -> OrderPayload | RefusedOrder:
         """Returns the order, or the reason for refusal; never raises."""
         text = self._signed_text(payload)
         if text is None:
             return RefusedOrder(reason="wrong signature")
         try:
-            order = Order.model_validate_json(text)
+            order = OrderPayload.model_validate_json(text)
         except ValidationError as error:
             return RefusedOrder(reason=error_words(error))
         reason = "is retained by the broker" if retained else self._objection(order, wall_s)
@@ -96,7 +96,7 @@ class OrderChecks:
         )
         return envelope.order if right else None
 
-    def _objection(self, order: Order, wall_s: float) -> str | None:
+    def _objection(self, order: OrderPayload, wall_s: float) -> str | None:
         self._latest_s = max(self._latest_s, wall_s)
         oldest_s = self._latest_s - self._window_s
         if order.time_s > wall_s + self._window_s:

@@ -68,7 +68,7 @@ class Online(Part):
     version: str | None = None
 
 
-class Mission(Payload):
+class MissionPayload(Payload):
     """Mission state and target, and the autopilot's mode.
 
     target: name of the target, or index of the landing point. text: last text for pilots.
@@ -84,7 +84,7 @@ class Mission(Payload):
     text_since_s: Number
 
 
-class Condition(Part):
+class ConditionPayload(Part):
     """A condition against the flight, and the companion's action."""
 
     name: str
@@ -97,7 +97,7 @@ class Conditions(Payload):
     """Action in force, and the conditions, the gravest first."""
 
     action: str
-    conditions: list[Condition]
+    conditions: list[ConditionPayload]
 
 
 class Index(Part):
@@ -156,7 +156,7 @@ class WeightSet(Part):
     energy: Known
 
 
-class Weights(Payload):
+class WeightsPayload(Payload):
     """Weights before and after Eq. 9. by_risk: change of each weight by each index."""
 
     base: WeightSet
@@ -184,7 +184,7 @@ class Waypoint(Part):
     time_s: Known
 
 
-class Plan(Payload):
+class PlanPayload(Payload):
     """Adopted plan. time_s: of its adoption. change: of the path before it, as text."""
 
     status: str
@@ -230,7 +230,7 @@ class OneBattery(Part):
     age_s: Number
 
 
-class Battery(Payload):
+class BatteryPayload(Payload):
     """Reports of the batteries. remaining: of the emptiest that reports it."""
 
     remaining: Number
@@ -263,7 +263,7 @@ class Energy(Payload):
     better: str | None
 
 
-class Autopilot(Part):
+class AutopilotPayload(Part):
     """Last report of the autopilot. ours: in the mode that follows our setpoints."""
 
     kind: str
@@ -275,7 +275,7 @@ class Autopilot(Part):
     age_s: Number
 
 
-class Link(Part):
+class LinkPayload(Part):
     """Packets on the autopilot's link."""
 
     packets_received: int
@@ -284,7 +284,7 @@ class Link(Part):
     rate_hz: Number
 
 
-class Host(Part):
+class HostPayload(Part):
     """Companion computer. read_late_s: longest wait of received data in the last second."""
 
     disk_free_mb: Number
@@ -298,15 +298,15 @@ class Health(Payload):
     refused: packets refused by signed link and reason.
     """
 
-    autopilot: Autopilot | None
-    link: Link | None
-    host: Host
+    autopilot: AutopilotPayload | None
+    link: LinkPayload | None
+    host: HostPayload
     age_s: dict[str, Number]
     refused: dict[str, dict[str, int]] | None
     recorder: str | None
 
 
-class Order(BaseModel):
+class OrderPayload(BaseModel):
     """Order to the companion, as the operator's side writes it; see `orders`.
 
     mission: hold, inspection, exit, evacuation, release, pause or continue. target: index of the

@@ -121,14 +121,14 @@ def _health(status: Status) -> Mapping[str, Any]:
 TOPICS = tuple(
     Topic(name=name, payload=payload, of=of, period_s=period_s, qos=qos, retain=retain)
     for name, payload, of, period_s, qos, retain in (
-        ("mission", payloads.Mission, _mission, None, 1, True),
+        ("mission", payloads.MissionPayload, _mission, None, 1, True),
         ("conditions", payloads.Conditions, _conditions, None, 1, True),
-        ("plan", payloads.Plan, _plan, None, 1, True),
+        ("plan", payloads.PlanPayload, _plan, None, 1, True),
         ("position", payloads.Position, _position, 0.5, 0, True),
         ("risk", payloads.Risk, _risk, 1.0, 0, True),
         ("risk/inputs", payloads.RiskInputs, _risk_inputs, 5.0, 0, False),
-        ("weights", payloads.Weights, _weights, 1.0, 0, True),
-        ("battery", payloads.Battery, _battery, 2.0, 0, True),
+        ("weights", payloads.WeightsPayload, _weights, 1.0, 0, True),
+        ("battery", payloads.BatteryPayload, _battery, 2.0, 0, True),
         ("energy", payloads.Energy, _energy, 2.0, 0, True),
         ("health", payloads.Health, _health, 2.0, 0, False),
     )

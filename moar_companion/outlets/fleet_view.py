@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..mqtt.fleet import Row
-from ..mqtt.payloads import Battery, Conditions, Energy, Mission, Risk
+from ..mqtt.payloads import BatteryPayload, Conditions, Energy, MissionPayload, Risk
 from .live_view import STATE_STYLES, risk_style
 
 _UNKNOWN = "?"
@@ -87,7 +87,7 @@ def _cells(row: Row, age_s: float | None) -> Iterator[Cell]:
     yield _age(age_s)
 
 
-def _state(row: Row, mission: Mission | None) -> Cell:
+def _state(row: Row, mission: MissionPayload | None) -> Cell:
     if row.online is False:
         was = "" if mission is None else f", was {_doing(mission)}"
         return f"offline{was}", "bold red"
@@ -96,7 +96,7 @@ def _state(row: Row, mission: Mission | None) -> Cell:
     return _doing(mission), STATE_STYLES.get(mission.state, "")
 
 
-def _doing(mission: Mission) -> str:
+def _doing(mission: MissionPayload) -> str:
     words = [mission.state.replace("_", " "), mission.mission or ""]
     if isinstance(mission.target, str):
         words.append(mission.target)
@@ -105,7 +105,7 @@ def _doing(mission: Mission) -> str:
     return _clean(" ".join(filter(None, words)))
 
 
-def _mode(mission: Mission | None) -> Cell:
+def _mode(mission: MissionPayload | None) -> Cell:
     if mission is None or mission.mode is None:
         return _UNKNOWN, "magenta"
     return _clean(mission.mode), "" if mission.armed else "dim"
@@ -120,7 +120,7 @@ def _index(risk: Risk | None, name: str) -> Cell:
     return f"{index.value:.2f}", risk_style(index.value)
 
 
-def _charge(battery: Battery | None) -> Cell:
+def _charge(battery: BatteryPayload | None) -> Cell:
     if battery is None or battery.remaining is None:
         return _UNKNOWN, "magenta"
     left = battery.remaining

@@ -17,7 +17,7 @@ from ..mavlink.order_link import OrderLink
 from ..mavlink.peers import Address
 from ..mavlink.rate_limits import RateLimit
 from ..mqtt.orders import OrderChecks
-from ..mqtt.payloads import Order, Reply
+from ..mqtt.payloads import OrderPayload, Reply
 from ..mqtt.topics import ORDER, REPLY, Message, topic_name
 
 _MOST_WAITING = 8
@@ -35,7 +35,7 @@ class MqttOrders:
         self._reply_topic = topic_name(vehicle, REPLY)
         self._checks = checks
         self._link = OrderLink(component_id)
-        self._waiting: deque[Order] = deque()
+        self._waiting: deque[OrderPayload] = deque()
         self._replies: deque[Reply] = deque(maxlen=_MOST_REPLIES)
         self._packets: list[bytes] = []
         self._refusals = RateLimit(burst=10, rate_hz=1.0)
@@ -46,7 +46,7 @@ class MqttOrders:
     def receive(self, payload: bytes, *, retained: bool) -> None:
         """Takes a message of the order topic."""
         found = self._checks.check(payload, time.time(), retained=retained)
-        if not isinstance(found, Order):
+        if not isinstance(found, OrderPayload):
             self._refuse(found.nonce, found.reason)
         elif len(self._waiting) >= _MOST_WAITING:
             reason = "too many orders at once"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from moar_companion.config import Commands
 from moar_companion.mavlink.order_link import OrderLink
 from moar_companion.mqtt.orders import OrderChecks, RefusedOrder, signed_order
-from moar_companion.mqtt.payloads import Order
+from moar_companion.mqtt.payloads import OrderPayload
 from moar_companion.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
 from moar_companion.service import mqtt_orders
 from moar_companion.service.mqtt_orders import MqttOrders
@@ -23,7 +23,7 @@ WINDOW_S = 10.0
 
 
 def order(nonce="0123456789abcdef", *, mission="inspection", target=None, time_s=START_S + 5.0):
-    return Order(mission=mission, target=target, time_s=time_s, nonce=nonce)
+    return OrderPayload(mission=mission, target=target, time_s=time_s, nonce=nonce)
 
 
 def checks(vehicle="a1"):
@@ -59,7 +59,7 @@ def test_any_change_of_a_signed_order_makes_its_signature_wrong():
 
 def test_an_order_is_taken_once():
     taking, payload = checks(), signed_order(order(), "a1", KEY)
-    assert isinstance(taking.check(payload, START_S + 6.0), Order)
+    assert isinstance(taking.check(payload, START_S + 6.0), OrderPayload)
     for later_s in (6.0, 8.0, 14.9):
         assert refused(taking.check(payload, START_S + later_s)) == "given before"
     assert "ago" in refused(taking.check(payload, START_S + 15.1))

@@ -16,7 +16,7 @@ import pytest
 from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.mqtt import reconnecting
 from moar_companion.mqtt.orders import signed_order
-from moar_companion.mqtt.payloads import Order
+from moar_companion.mqtt.payloads import OrderPayload
 from moar_companion.mqtt.topics import TOPICS
 from moar_companion.mqtt_config import Mqtt
 from moar_companion.service import mqtt_client, mqtt_publisher
@@ -293,7 +293,7 @@ def test_signed_orders_reach_the_machine_once_and_are_answered(port, tmp_path):
         companion("--config", path) as running,
     ):
         wait_until(lambda: with_model(running, reader, "a3"))
-        given = Order(mission="inspection", time_s=time.time(), nonce="n" * 16)
+        given = OrderPayload(mission="inspection", time_s=time.time(), nonce="n" * 16)
         right, wrong = (signed_order(given, "a3", secret) for secret in (b"k" * 32, b"o" * 32))
         for payload in (wrong, right, right):
             reader.publish("moar/a3/order", payload)
