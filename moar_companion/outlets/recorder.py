@@ -28,8 +28,9 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, BinaryIO, Generic, Protocol, TypeVar
 
+from mcap.writer import CompressionType, Writer
+
 from .background_writer import BackgroundWriter, Batches
-from .mcap_file import McapFile, TimedMessage
 from .recorded_files import make_room, part_name
 
 _PERIOD_S = 0.4
@@ -43,6 +44,9 @@ _TOO_SLOW = "the disk is too slow"
 
 _logger = logging.getLogger(__name__)
 Item = TypeVar("Item")
+
+TimedMessage = tuple[str, int, bytes]
+"""Channel of the .mcap, nanoseconds since 1970, JSON."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,9 +200,9 @@ class _Part(Generic[Item]):
         self._packets, self._decisions, *others = (path.open("wb") for path in self.paths)
         self._packets_bytes = 0
         self._file: BinaryIO | None = others[0] if others else None
-        self._mcap: McapFile | None = None
+        self._mcap: _McapFile | None = None
         if source is not None and self._file is not None:
-            self._mcap = McapFile(self._file, source.channels, source.library)
+            self._mcap = _McapFile(self._file, source.channels, source.library)
             self._mcap.write(source.latched())
 
     @property
@@ -230,6 +234,40 @@ class _Part(Generic[Item]):
         with self._packets, self._decisions:
             if self._mcap is not None:
                 self._mcap.close()
+
+
+class _McapFile:
+    """One .mcap: JSON messages on channels with schemas, whole at any moment up to its last flush.
+
+    A flush ends a chunk, which any reader of MCAP can read without the rest. A file that was not
+    closed has no index: readers scan it from its beginning.
+
+    channels: by topic the name of its schema and the JSON schema.
+    """
+
+    def __init__(
+        self, file: BinaryIO, channels: Mapping[str, tuple[str, bytes]], library: str
+    ) -> None:
+        self._file = file
+        self._writer = Writer(file, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library=library)
+        schemas: dict[str, int] = {}
+        self._ids: dict[str, int] = {}
+        for topic, (name, schema) in channels.items():
+            if name not in schemas:
+                schemas[name] = self._writer.register_schema(name, "jsonschema", schema)
+            self._ids[topic] = self._writer.register_channel(topic, "json", schemas[name])
+
+    def write(self, messages: Iterable[TimedMessage]) -> None:
+        """Adds messages, and flushes them to the file."""
+        for topic, time_ns, content in messages:
+            self._writer.add_message(self._ids[topic], time_ns, content, time_ns)
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Writes the index and closes."""
+        with self._file:
+            self._writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _free_bytes(folder: Path) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +20,12 @@ from .conductor_tracks import ConductorTracks
 from .ground import ground_height_m
 from .lidar_scan import Scan
 from .occupancy import Occupancy
-from .packet_stream import packet_stream
+from .ouster import OusterStream
 from .perception_report import PerceptionReport, SensorHealth
 from .plane_rays import PlaneRays
 from .scan_conductors import narrow_echoes, sightings
 from .scan_frame import PoseHistory, attitude_in_site, points_in_site
+from .velodyne import VelodyneStream
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -47,6 +49,29 @@ _GROUND_COLUMNS, _COLUMN_M = 8, 2.0
 _RELEASED_M = 0.3
 _AIRCRAFT = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
 _ACROSS = np.array([0.0, 1.0, 0.0])
+
+
+class PacketStream(Protocol):
+    """Packets of one sensor, in order of arrival."""
+
+    packets: int
+    refused: dict[str, int]
+    """Number of packets that were left out, by reason."""
+
+    def receive(self, packet: bytes, now_s: float) -> Scan | None:
+        """Takes a packet; returns the scan that it completes, if any."""
+
+
+def packet_stream(settings: Perception, description: str) -> PacketStream | None:
+    """Stream of the configured sensor; None if the sensor sends no packets of its own.
+
+    description: content of the sensor's metadata file.
+    """
+    if settings.sensor is Sensor.VELODYNE:
+        return VelodyneStream()
+    if settings.sensor is Sensor.OUSTER:
+        return OusterStream(description)
+    return None
 
 
 class LivePerception:

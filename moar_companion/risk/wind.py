@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from ..risk_model import Range, RiskModel
 from ..telemetry import Telemetry, Wind
@@ -21,7 +22,6 @@ from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, exten
 from .drag import Level, air_velocity_mps, deceleration_mps2
 from .drag_learning import DragLearning, apart_from_own_motion
 from .input_reports import InputReport, source_at, source_of
-from .sliding_mean import Sample, mean, then
 
 MOTOR_OUTPUT = "motor output"
 REPORTED = "wind reported"
@@ -39,6 +39,9 @@ _DEVIATION_MAX_MPS = 3.0
 risk begins are indistinguishable. PX4's settled estimate has 0.2 m/s."""
 MOTORS_MAX_AGE_S = 1.0
 """Maximum age of SERVO_OUTPUT_RAW: 5 periods at 5 to 10 Hz."""
+MOTORS_WINDOW_S = 0.8
+"""Window of their mean: four samples at 5 Hz, and less than their maximum age. A jump of the
+setpoint takes the motors to their limit for one sample; wind holds them there."""
 _USUAL_PULSE_US = Range(low=1000.0, high=2000.0)
 """Default range of both autopilots."""
 _LEAST_PULSE_US = 800.0
@@ -82,6 +85,13 @@ class Spread:
         return replace(self, mean_ne_mps=mean)
 
 
+class MotorSample(NamedTuple):
+    """A value of the strongest motor, valid until the next one, and the time of its reception."""
+
+    received_s: float
+    value: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindMemory:
     """Samples of the last seconds in the air, oldest first, their wind, and its spread.
@@ -94,8 +104,8 @@ class WindMemory:
     spread: Spread | None = None
     learning: DragLearning = field(default_factory=DragLearning)
     """Drag of the aircraft, kept across landings."""
-    outputs: tuple[Sample, ...] = ()
-    motor_speeds: tuple[Sample, ...] = ()
+    outputs: tuple[MotorSample, ...] = ()
+    motor_speeds: tuple[MotorSample, ...] = ()
     """Outputs and speeds of the strongest motor, as fractions of its range."""
 
 
@@ -108,8 +118,42 @@ def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> Wind
     )
 
 
-def _with_latest(samples: tuple[Sample, ...], latest: Sample | None) -> tuple[Sample, ...]:
-    return () if latest is None else then(samples, latest, MOTORS_MAX_AGE_S)
+def _with_latest(
+    samples: tuple[MotorSample, ...], latest: MotorSample | None
+) -> tuple[MotorSample, ...]:
+    return () if latest is None else with_sample(samples, latest)
+
+
+def with_sample(samples: tuple[MotorSample, ...], latest: MotorSample) -> tuple[MotorSample, ...]:
+    """Samples of the last `MOTORS_WINDOW_S`, the one valid before them, and the latest.
+
+    The window restarts after a gap of more than `MOTORS_MAX_AGE_S`.
+    """
+    if samples and latest.received_s <= samples[-1].received_s:
+        return samples
+    if not samples or latest.received_s - samples[-1].received_s > MOTORS_MAX_AGE_S:
+        return (latest,)
+    begin_s = latest.received_s - MOTORS_WINDOW_S
+    standing = sum(sample.received_s <= begin_s for sample in samples[1:])
+    return (*samples[standing:], latest)
+
+
+def window_mean(samples: tuple[MotorSample, ...], now_s: float) -> float | None:
+    """Mean over the last `MOTORS_WINDOW_S`, or since the first sample; None without any.
+
+    The last sample counts up to now.
+    """
+    if not samples:
+        return None
+    begin_s = max(samples[0].received_s, now_s - MOTORS_WINDOW_S)
+    if now_s <= begin_s:
+        return samples[-1].value
+    ends_s = [*(sample.received_s for sample in samples[1:]), now_s]
+    stood = (
+        value * max(0.0, end_s - max(begin_s, received_s))
+        for (received_s, value), end_s in zip(samples, ends_s, strict=True)
+    )
+    return sum(stood) / (now_s - begin_s)
 
 
 def _with_air(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> WindMemory:
@@ -229,10 +273,14 @@ def _effort(
     ours = source_at(None if tracking_error_m is None else now_s, now_s, 0.0)
     return (
         source_of(telemetry.motors, now_s, MOTORS_MAX_AGE_S).input_report(
-            MOTOR_OUTPUT, mean(memory.outputs, now_s), "of its range", trouble, remark=remark
+            MOTOR_OUTPUT, window_mean(memory.outputs, now_s), "of its range", trouble, remark=remark
         ),
         source_of(telemetry.motor_speeds, now_s, MOTORS_MAX_AGE_S).input_report(
-            "motor speed", mean(memory.motor_speeds, now_s), "of its range", trouble, remark=remark
+            "motor speed",
+            window_mean(memory.motor_speeds, now_s),
+            "of its range",
+            trouble,
+            remark=remark,
         ),
         ours.input_report(
             "tracking error",
@@ -245,22 +293,22 @@ def _effort(
     )
 
 
-def _output(telemetry: Telemetry, model: RiskModel) -> Sample | None:
+def _output(telemetry: Telemetry, model: RiskModel) -> MotorSample | None:
     """Greatest output of a motor over its range; None if it does not depend on the wind."""
     motors, pulses = telemetry.motors, _pulse_range(telemetry, model)
     if motors is None or not motors.pulse_us or pulses is None or not shows_wind(telemetry):
         return None
     output = pulses.share(max(motors.pulse_us))
-    return Sample(motors.received_s, output) if output <= _OUTPUT_MAX else None
+    return MotorSample(motors.received_s, output) if output <= _OUTPUT_MAX else None
 
 
-def _motor_speed(telemetry: Telemetry, model: RiskModel) -> Sample | None:
+def _motor_speed(telemetry: Telemetry, model: RiskModel) -> MotorSample | None:
     """Greatest speed of a motor over its range; None if it does not depend on the wind."""
     speeds, speed_range = telemetry.motor_speeds, model.motor_rpm
     if speeds is None or not any(speeds.rpm) or speed_range is None:
         return None
     share = speed_range.share(max(speeds.rpm))
-    return Sample(speeds.received_s, share) if shows_wind(telemetry) else None
+    return MotorSample(speeds.received_s, share) if shows_wind(telemetry) else None
 
 
 def _pulse_range(telemetry: Telemetry, model: RiskModel) -> Range | None:

@@ -313,7 +313,7 @@ def test_a_turn_of_the_lidar_without_any_echo_is_a_scan_without_returns():
 
 def test_an_ouster_is_decoded_by_its_metadata():
     settings = Perception(sensor=Sensor.OUSTER)
-    with mock.patch("moar_companion.perception.packet_stream.OusterStream") as decoder:
+    with mock.patch("moar_companion.perception.live_perception.OusterStream") as decoder:
         decoder.return_value = mock.Mock(packets=0, refused={"damaged": 3})
         report = LivePerception(settings, SITE, "the metadata").step(0.2)
     decoder.assert_called_once_with("the metadata")
