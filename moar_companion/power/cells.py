@@ -5,16 +5,22 @@ from __future__ import annotations
 from ..telemetry import Battery, Telemetry
 from .model import PowerModel
 
-CELL_V = (3.0, 4.4)
+_CELL_V = (3.0, 4.4)
 """Voltage range of an intact lithium cell."""
-_FLIGHT_VOLTAGE_MIN_V = 5.0
-"""Least voltage of a flight battery. Below it USB powers the autopilot, which then reports a full
-battery; two empty cells have 6 V."""
+_FLIGHT_VOLTAGE_MIN_V = 5.5
+"""Least voltage of a flight battery. Below it USB (5.0 to 5.25 V, up to 5.5 V by its type C) powers
+the autopilot, which then reports a full battery; two empty cells have 6 V."""
 
 
 def is_powered(battery: Battery) -> bool:
     """Returns True if this battery powers the autopilot, so that its report is meaningful."""
     return battery.voltage_v is None or battery.voltage_v >= _FLIGHT_VOLTAGE_MIN_V
+
+
+def is_of_cells(voltage_v: float, cells: int) -> bool:
+    """Returns True if a battery of this many intact lithium cells may have this voltage."""
+    least_v, most_v = _CELL_V
+    return least_v <= voltage_v / cells <= most_v
 
 
 def cell_v(battery: Battery, model: PowerModel, mean_current_a: float | None) -> float | None:
@@ -41,8 +47,7 @@ def misread(telemetry: Telemetry, cells: int | None) -> str | None:
         if battery.voltage_v is None or not is_powered(battery):
             continue
         reported = battery.cells
-        least_v, most_v = CELL_V
-        fits = least_v <= battery.voltage_v / cells <= most_v
+        fits = is_of_cells(battery.voltage_v, cells)
         if not fits or reported not in (None, cells):
             has = f"{reported}S" if fits else f"{battery.voltage_v:.1f} V"
             return f"battery {number}: {has}, not {cells}S (risk.cells of the vehicle file)"

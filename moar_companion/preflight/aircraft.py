@@ -119,6 +119,13 @@ def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
             text=f"{autopilot}, and the vehicle file says {vehicle.autopilot}",
             remedy="correct `autopilot` there: each has its own map projection",
         )
+    elif sight.causes.autopilot_identity is not None:
+        yield Finding(
+            level=Level.NO_GO,
+            subject="autopilot",
+            text=f"{autopilot}: {sight.causes.autopilot_identity}",
+            remedy="only multirotors are flown",
+        )
     else:
         yield Finding(level=Level.OK, subject="autopilot", text=str(autopilot))
     for other in sight.others:
@@ -237,13 +244,7 @@ def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
 
 def _place(sight: Sight, site: Site) -> Iterator[Finding]:
     pose, causes = sight.pose, sight.causes
-    obstruction = (
-        causes.autopilot_identity
-        or causes.autopilot_link_lost
-        or causes.position
-        or causes.attitude
-        or causes.origin
-    )
+    obstruction = causes.autopilot_link_lost or causes.position or causes.attitude or causes.origin
     if obstruction is not None or pose is None:
         yield Finding(
             level=Level.NO_GO,

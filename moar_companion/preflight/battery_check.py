@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from ..power.cells import CELL_V
+from ..power.cells import is_of_cells, is_powered
 from ..risk_model import RiskModel
 from ..telemetry import Battery, Telemetry
 from .findings import Finding, Level
 
-_USB_V = 5.5
-"""Voltage below which no flight battery supplies the autopilot."""
 _HIGH_CHARGE = 0.8
 _HIGH_CELL_V = 4.0
 """Voltage of a lithium-polymer cell at rest at about that charge."""
@@ -63,7 +61,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
     if voltage_v is None:
         return _charged(subject, f"{charge}, voltage unknown", risk, Level.NOTE)
     text = f"{charge}, {voltage_v:.1f} V"
-    if voltage_v < _USB_V:
+    if not is_powered(battery):
         return Finding(
             level=Level.WARNING,
             subject=subject,
@@ -85,7 +83,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
         )
     cell_v = voltage_v / cells
     text = f"{text}, {cell_v:.2f} V a cell"
-    if not CELL_V[0] <= cell_v <= CELL_V[1]:
+    if not is_of_cells(voltage_v, cells):
         return Finding(
             level=Level.NO_GO,
             subject=subject,

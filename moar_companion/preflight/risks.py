@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from ..config import Supervision
 from ..risk import IndexReport, RiskEstimate
-from ..risk.holding import MARGIN, held_wind_mps, tilt_limit
+from ..risk.holding import held_wind_mps, lowered_limit_mps, tilt_limit
 from ..safety.condition_types import Causes
 from ..types import AutopilotKind
 from ..vehicle import Vehicle
@@ -97,7 +97,7 @@ def held_wind_finding(
     """
     limit_rad, source = tilt_limit(kind, parameters, vehicle.risk)
     held_mps = held_wind_mps(vehicle.risk, limit_rad)
-    allowed_mps = MARGIN * held_mps
+    allowed_mps = lowered_limit_mps(limits.wind_limit_mps, held_mps)
     text = f"holds in {held_mps:.1f} m/s, by {source} and risk.drag_per_s"
     if vehicle.risk.drag_is_usual:
         text += " (the default, not measured)"

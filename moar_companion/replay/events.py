@@ -7,6 +7,7 @@ from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotResta
 from ..mavlink.passive_listener import AnswerReceived, ListenerEvent, TextReceived
 from ..mission_states import MissionState
 from ..outlets.replay_report import ReplayEvent
+from ..power import is_powered
 from ..risk.battery import WARNINGS
 from ..risk.explain import rise_words
 from ..risk.indices import IndexReport
@@ -19,8 +20,6 @@ _TWICE_S = 1.0
 _SAME_TEXT_S = 10.0
 """Minimum time between two events with the same text."""
 _FIX_3D = 3
-_POWERED_V = 5.0
-"""Voltage below which USB supplies the autopilot, and its battery report is meaningless."""
 _RISK_HIGH, _RISK_LOW = 0.6, 0.3
 """Index reports begin at a high value, and repeat only after a low one. High is above the value of
 an index without inputs."""
@@ -134,7 +133,7 @@ class EventLog:
 
     def _compare_battery(self, number: int, battery: Battery) -> None:
         """Compares the autopilot's charge state; the fraction left where it never reports one."""
-        if battery.voltage_v is not None and battery.voltage_v < _POWERED_V:
+        if not is_powered(battery):
             return
         known = self._battery_words.get(number, "")
         word = WARNINGS.get(battery.charge_state or 0, "")

@@ -24,7 +24,7 @@ _STEEPEST_RAD = math.radians(80.0)
 """Greatest limit used: the tangent grows without bound."""
 _AT_LIMIT = 0.9
 """Fraction of the limit from which more error causes hardly more force."""
-MARGIN = 0.8
+_MARGIN = 0.8
 """Usable fraction of the held wind; the rest is for gusts and to regain the position."""
 
 
@@ -52,6 +52,11 @@ def held_wind_mps(model: RiskModel, limit_rad: float) -> float:
     """Wind against which an aircraft leans at its limit."""
     u_mps, _ = air_velocity_mps((GRAVITY_MPS2 * math.tan(limit_rad), 0.0), model)
     return u_mps
+
+
+def lowered_limit_mps(limit_mps: float, held_mps: float) -> float:
+    """The wind limit, or the usable part of the held wind if this is less."""
+    return min(limit_mps, round(_MARGIN * held_mps, 1))
 
 
 def is_saturated(

@@ -6,7 +6,7 @@ Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None without
 from __future__ import annotations
 
 from ..power import BATTERY_MAX_AGE_S, is_powered
-from ..risk.holding import MARGIN
+from ..risk.holding import lowered_limit_mps
 from ..risk.wind import strongest
 from ..telemetry import Battery
 from ..text_format import distance, exceeds, seconds
@@ -31,7 +31,7 @@ def wind(seen: CheckInputs, limit_mps: float) -> str | None:
     if item is None:
         return None
     if seen.held_wind_mps is not None:
-        limit_mps = min(limit_mps, round(MARGIN * seen.held_wind_mps, 1))
+        limit_mps = lowered_limit_mps(limit_mps, seen.held_wind_mps)
     words = exceeds(item.name, item.value, limit_mps, item.unit)
     return f"{words} ({item.remark})" if words and item.remark else words
 

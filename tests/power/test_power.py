@@ -270,9 +270,10 @@ def test_the_remaining_energy_of_a_silent_battery_falls_by_the_flown_energy():
     assert before_wh - aircraft.meter.left_wh == pytest.approx(used_wh, rel=0.1)
 
 
-def test_on_usb_power_the_remaining_energy_is_unknown():
+@pytest.mark.parametrize("voltage_v", [4.2, 5.25])
+def test_on_usb_power_the_remaining_energy_is_unknown(voltage_v):
     aircraft = Aircraft(model_of())
-    aircraft.voltage_v = 4.2
+    aircraft.voltage_v = voltage_v
     assert aircraft.fly(5.0).meter.left_wh is None
     assert aircraft.meter.flight_s(aircraft.model) is None
     assert aircraft.meter.left_after_s(aircraft.model, 1.0) is None

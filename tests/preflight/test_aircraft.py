@@ -10,7 +10,8 @@ from moar_companion.mavlink.identity import Autopilot
 from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.risk import RiskEstimate, update
-from moar_companion.safety.condition_types import Causes
+from moar_companion.safety.check_inputs import CheckInputs
+from moar_companion.safety.checks import causes
 from moar_companion.telemetry import (
     AutopilotStatus,
     Firmware,
@@ -32,6 +33,7 @@ def findings(
     vehicle=LINEDRONE,
     armed=False,
     failsafe=False,
+    multirotor=True,
     positions=STEADY,
     **telemetry,
 ):
@@ -46,21 +48,27 @@ def findings(
         mode="HOLD",
         ours=False,
         homeward=False,
-        multirotor=True,
+        multirotor=multirotor,
         failsafe=failsafe,
     )
     received = Telemetry(autopilot=status, **telemetry)
     unknown = RiskEstimate.unknown(vehicle.risk)
+    risk = update(unknown, received, 6.0, model=vehicle.risk, cruise_mps=5.0)
     sight = Sight(
         autopilot=Autopilot(system_id=1, component_id=1, kind=kind, link="serial"),
         status=status,
         others=(),
         telemetry=received,
-        risk=update(unknown, received, 6.0, model=vehicle.risk, cruise_mps=5.0),
+        risk=risk,
         positions=positions,
         attitudes=STEADY,
         pose=None,
-        causes=Causes(),
+        causes=causes(
+            CheckInputs(telemetry=received, risk=risk, pose=None, position_moved_s=0.0),
+            Supervision(),
+            1.0,
+            6.0,
+        ),
     )
     return {item.subject: item for item in aircraft_findings(sight, vehicle, None, Supervision())}
 
@@ -86,6 +94,12 @@ def test_an_aircraft_that_sends_only_heartbeats_never_passes():
 
 def test_an_unknown_autopilot_is_reported():
     assert findings(kind=autopilots.UNKNOWN)["autopilot"].level is NO_GO
+
+
+def test_a_vehicle_that_is_no_multirotor_is_a_no_go():
+    finding = findings(multirotor=False)["autopilot"]
+    assert finding.level is NO_GO
+    assert finding.text.endswith("the vehicle is no multirotor")
 
 
 def test_a_failsafe_is_a_no_go():

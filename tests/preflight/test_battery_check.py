@@ -26,6 +26,7 @@ def found(*, cells=4, reported_cells=None, **figures):
         (None, 16.0, OK, "charge unknown"),
         (0.9, None, NOTE, "voltage unknown"),
         (1.0, 4.1, WARNING, "fed by USB"),
+        (1.0, 5.2, WARNING, "fed by USB"),
         (0.9, 11.0, NO_GO, "2.75 V a cell with 4 cells, which cannot be"),
         (0.9, 21.6, NO_GO, "5.40 V a cell with 4 cells, which cannot be"),
         (1.0, 12.6, WARNING, "3.15 V a cell with 4 cells, which is not the voltage of that charge"),
