@@ -116,6 +116,12 @@ def distance(value_m: float) -> str:
     return digits_above(value_m, 0.0) or "0.01"
 
 
+def coordinate(value: float, digits: int = 1) -> str:
+    """A coordinate or a fraction as text, without decimals where they are all 0."""
+    shown = f"{value:.{digits}f}"
+    return shown if float(shown) else "0"
+
+
 def seconds(value_s: float) -> str:
     """A time in whole seconds as text, in at most four characters."""
     return f"{min(value_s, 9_999.0):.0f}"

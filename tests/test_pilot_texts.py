@@ -25,7 +25,14 @@ from moar_companion.pilot_texts import TEXTS
 from moar_companion.safety.condition_texts import TEXTS as OF_CONDITIONS
 from moar_companion.safety.condition_texts import all_actions, filled
 from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.text_format import distance, limit_text, pilot_text, seconds, short_name
+from moar_companion.text_format import (
+    coordinate,
+    distance,
+    limit_text,
+    pilot_text,
+    seconds,
+    short_name,
+)
 from moar_companion.text_patterns import FIELDS, NAMES
 from moar_companion.types import Mission, RiskIndices
 from moar_companion.yaml_schema import Name
@@ -132,6 +139,13 @@ def test_the_longest_name_is_that_of_a_site_file():
 
 def test_the_longest_mode_of_a_multirotor_is_in_the_texts_of_conditions():
     assert f"|{max(mode_names(), key=len)}}}" in "".join(OF_CONDITIONS["failsafe_took_mode"])
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0, "0"), (-0.04, "0"), (0.04, "0"), (0.05, "0.1"), (-9.96, "-10.0")]
+)
+def test_a_coordinate_of_zero_has_no_decimals_and_no_sign(value, text):
+    assert coordinate(value) == text
 
 
 def test_a_name_that_fits_is_kept_whole_and_a_longer_one_loses_its_end():

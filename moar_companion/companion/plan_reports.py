@@ -15,7 +15,7 @@ from ..planner.regions import narrowest
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
 from ..site import Site
-from ..text_format import distance, limit_text
+from ..text_format import coordinate, distance, limit_text
 from ..types import Mission, RiskIndices
 from ..vehicle import Vehicle
 from .plan_requests import Awaited
@@ -74,9 +74,9 @@ class PlanReports:
             self._reported_s = now_s
             reason = pilot_texts.PATH_MOVED(
                 risk=name,
-                fraction=f"{after[name]:.2f}",
+                fraction=coordinate(after[name], 2),
                 path=difference.gist(),
-                detail=f"was {before[name]:.2f}",
+                detail=f"was {coordinate(before[name], 2)}",
             )
             self._reports.send_text(Severity.INFO, reason, now_s)
 

@@ -21,7 +21,7 @@ from ..perception_config import Perception, Sensor
 from ..planning.map_jobs import MapAnswer, MapJob
 from ..site import Conductor, Obstacle, Site
 from ..telemetry import Proximity, Telemetry
-from ..text_format import distance
+from ..text_format import coordinate, distance
 from ..types import Vector
 from .reports import Reports
 
@@ -249,7 +249,7 @@ class SeenObstacles:
         self._reported_m["", seen.name] = 0.0
         x_m, z_m = seen.position_m
         number = seen.name.rpartition("-")[2]
-        text = pilot_texts.CONDUCTOR_SEEN(wire=number, x_m=f"{x_m:.1f}", z_m=f"{z_m:.1f}")
+        text = pilot_texts.CONDUCTOR_SEEN(wire=number, x_m=coordinate(x_m), z_m=coordinate(z_m))
         self._texts.append((Severity.NOTICE, text))
 
     def _note_moved(self, name: str, seen: str, off_m: float) -> None:

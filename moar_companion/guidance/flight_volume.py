@@ -25,7 +25,7 @@ from ..planner.plane_fence import PlaneFence
 from ..planner.regions import obstacle_room_m
 from ..safety.setpoint_gate import distance_m, refusal
 from ..site import Site
-from ..text_format import distance, limit_text
+from ..text_format import coordinate, distance, limit_text
 from ..types import Vector
 from ..vehicle import Vehicle
 from .plan_path import CheckedLeg, approach_m, vector
@@ -276,8 +276,7 @@ class FlightVolume:
         low_m = workspace.min_altitude_m
         outside_m = workspace.outside_m((x_m, z_m))
         if low_m is not None and z_m < low_m - workspace.resolution_m:
-            height = f"{z_m:.1f}" if round(z_m, 1) else "0"
-            words = f"altitude {height} m < {limit_text(low_m)}"
+            words = f"altitude {coordinate(z_m)} m < {limit_text(low_m)}"
         elif outside_m > beside_m:
             words = f"{distance(outside_m)} m outside the workspace"
         elif abs(y_m) > self.vehicle.guidance.leash_m:
