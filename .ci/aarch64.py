@@ -26,7 +26,7 @@ PLATFORMS = (
 
 
 def environment(python: str) -> dict[str, str]:
-    """What the markers of a requirement see on the Jetson."""
+    """Values of the environment markers of requirements on the Jetson."""
     return {
         "extra": "",
         "implementation_name": "cpython",

@@ -57,11 +57,11 @@ COMMANDS = {
     ),
     "check": Subcommand(
         module="check",
-        summary="look at files and aircraft before the flight: go or no-go",
-        description="Look at configuration, vehicle and site as the service finds them, and on its "
-        "links at the aircraft: its parameters, GPS, battery, links. Flies nothing, sets no "
-        "parameter. Tells all that is wrong and how to mend it. Exit status 0 is GO; 1 is NO-GO, "
-        "also where no aircraft was looked at. With --files the files alone: 0 is FILES OK.",
+        summary="check files and aircraft before the flight: go or no-go",
+        description="Check configuration, vehicle and site as the service loads them, and the "
+        "aircraft on its links: parameters, GPS, battery, links. Flies nothing, sets no "
+        "parameter. Reports each fault with its remedy. Exit status 0 is GO; 1 is NO-GO, also "
+        "if no aircraft was checked. With --files the files alone: 0 is FILES OK.",
         examples=(
             f"{PROGRAM} check",
             f"{PROGRAM} check --site site.yaml --vehicle vehicle.yaml --connect udp::14540",
@@ -82,9 +82,9 @@ COMMANDS = {
     ),
     "command": Subcommand(
         module="command",
-        summary="order a mission of a companion in flight, or see how it fares",
+        summary="order a mission of a companion in flight, or show its status",
         description="The operator's side: order a mission of the companion (inspection, exit, "
-        "evacuation, hold, pause, continue, release) and see its answer; or see its status.",
+        "evacuation, hold, pause, continue, release) and show its answer; or show its status.",
         examples=(
             f"{PROGRAM} command inspection --connect udp::14550",
             f"{PROGRAM} command inspection --target splice-1 --site site.yaml --connect udp::14550",
@@ -96,7 +96,7 @@ COMMANDS = {
         module="view",
         summary="watch a running service in the terminal",
         description="Watch a running service on this computer: state, risks, plan and link, until "
-        "q or Ctrl-C. It only looks on. Into a file or a pipe it writes a line each second.",
+        "q or Ctrl-C. It sends no orders. Into a file or a pipe it writes a line each second.",
         examples=(
             f"{PROGRAM} view",
             f"{PROGRAM} view --once",
@@ -132,7 +132,7 @@ COMMANDS = {
         module="watch",
         summary="watch a fleet over MQTT in the terminal, a row per vehicle",
         description="Watch the companions that publish to an MQTT broker, a row per vehicle: "
-        "state, risks, battery, age, until q or Ctrl-C. It only looks on. Into a file or a pipe "
+        "state, risks, battery, age, until q or Ctrl-C. It sends no orders. Into a file or a pipe "
         "it writes a line per vehicle every 5 s.",
         examples=(
             f"{PROGRAM} watch --mqtt mqtt://192.168.1.10",

@@ -75,7 +75,7 @@ ON_COMMAND = PilotText(
 MODE_NOT_GIVEN = PilotText(
     pattern="the mode was not given",
     actions=("idle",),
-    meaning="nobody selected OFFBOARD or GUIDED within `ready_timeout_s`",
+    meaning="the pilot did not select OFFBOARD or GUIDED within `ready_timeout_s`",
     remedy="order `continue`, then select the mode",
 )
 PLACE_LEFT = PilotText(
@@ -112,7 +112,7 @@ NOTHING_FLOWN = PilotText(
 JUST_RELEASED = PilotText(
     pattern="released just now",
     actions=_REJECTED,
-    meaning="the order was sent before its operator could know that control had ended",
+    meaning="the order was sent before the operator received that control had ended",
     remedy="order again",
 )
 NO_SITE = PilotText(
@@ -323,7 +323,7 @@ RETURNING = PilotText(
     meaning="the aircraft, blown off, flies back to its path",
 )
 NO_WAY_BACK = PilotText(
-    pattern="{m} m outside, no path back: fly it back",
+    pattern="{m} m outside, no path back, take over",
     meaning="the aircraft was blown off, and no free leg leads back",
     remedy="take over, and fly it back",
 )

@@ -226,12 +226,12 @@ class Radio:
 class RemoteControl:
     """RC_CHANNELS: signal strength of the pilot's transmitter, fraction in [0, 1].
 
-    ever_told: True once this message or an earlier one has reported a signal strength.
+    ever_reported: True once this message or an earlier one has reported a signal strength.
     """
 
     received_s: float
     rssi: float | None
-    ever_told: bool = False
+    ever_reported: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

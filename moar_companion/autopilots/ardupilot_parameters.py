@@ -1,4 +1,4 @@
-"""Rules by which `check` judges ArduCopter's parameters: those of its reaction to failures.
+"""Rules by which `check` judges ArduCopter's parameters that decide its reaction to failures.
 
 Sources: ArduCopter 4.6, "Failsafes" and the parameters' descriptions; its reaction to a companion
 failure, as measured.
@@ -35,7 +35,7 @@ def _variance(value: float, _: Case) -> Verdict:
     return (Level.OK if value <= 1.0 else Level.WARNING), f"{value:g}"
 
 
-_BACK = "smart return: back the way it came, or land"
+_BACK = "smart return on the flown path, or land"
 _PERHAPS_BACK = f"smart return, or {CLIMBING}"
 _LINK_LOSS = {
     1: (Level.WARNING, CLIMBING),
@@ -55,12 +55,12 @@ _BATTERY = {
 
 
 def _where_it_happens(judge: Judge, stage: str) -> Judge:
-    """Warns if a stage of the battery has no threshold: its action never happens."""
+    """Warns if a battery stage has no threshold: its action has no effect."""
     return where_zero(
         judge,
         (f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH"),
         lambda level: max(level, Level.WARNING),
-        "but never",
+        "without effect",
     )
 
 
@@ -68,7 +68,7 @@ RULES = (
     Rule(
         parameter="GUID_TIMEOUT",
         judge=time_on_last_setpoint,
-        meaning="how long ArduPilot flies on along the last setpoint of a failed companion",
+        meaning="time for which ArduPilot follows the last setpoint after a companion failure",
         remedy="set 0.5",
         unknown=Level.NO_GO,
     ),
@@ -77,9 +77,9 @@ RULES = (
         judge=bits(
             0b110000,
             clear=(Level.OK, "both are held"),
-            is_set=(Level.NO_GO, "not, by bit 4 or 5"),
+            is_set=(Level.NO_GO, "not held, by bit 4 or 5"),
         ),
-        meaning="whether position and velocity are held in GUIDED",
+        meaning="hold of position and velocity in GUIDED",
         remedy="clear bits 4 and 5",
         unknown=Level.NO_GO,
     ),
@@ -100,7 +100,7 @@ RULES = (
             ("FS_OPTIONS", 2),
             "not in GUIDED",
         ),
-        meaning="what ArduPilot does when the remote control is lost",
+        meaning="ArduPilot's action when the remote control is lost",
         remedy="set 3 (land) or 7 (brake, or land)",
     ),
     Rule(
@@ -114,7 +114,7 @@ RULES = (
                 4: (Level.OK, _BACK),
             }
         ),
-        meaning="what ArduPilot does when the ground station is lost",
+        meaning="ArduPilot's action when the ground station is lost",
         remedy="set 5 (land), 7 (brake, or land) or 0 (nothing)",
     ),
     Rule(
@@ -127,14 +127,14 @@ RULES = (
                 3: (Level.OK, "land"),
             }
         ),
-        meaning="what ArduPilot does when it does not know its position any more",
+        meaning="ArduPilot's action when its position is lost",
         remedy="set 1 (land)",
         unknown=Level.NO_GO,
     ),
     Rule(
         parameter="FS_EKF_THRESH",
         judge=_variance,
-        meaning="how far the estimator may be off before that",
+        meaning="variance of the estimator at which that action starts",
         remedy="set 0.8",
         unknown=Level.NO_GO,
     ),
@@ -142,7 +142,7 @@ RULES = (
         parameter="FS_DR_ENABLE",
         judge=choice(
             {
-                0: (Level.WARNING, "nothing, and it flies on for FS_DR_TIMEOUT"),
+                0: (Level.WARNING, "nothing, ArduPilot flies on for FS_DR_TIMEOUT"),
                 1: (Level.OK, "land"),
                 2: (Level.WARNING, CLIMBING),
                 3: (Level.WARNING, _PERHAPS_BACK),
@@ -150,13 +150,13 @@ RULES = (
                 6: _LINK_LOSS[6],
             }
         ),
-        meaning="action with GPS lost, when the position is estimated from the wind alone",
+        meaning="ArduPilot's action with GPS lost, when its position estimate uses the wind alone",
         remedy="set 1 (land)",
     ),
     Rule(
         parameter="FENCE_ENABLE",
         judge=bits(1, clear=(Level.OK, "off"), is_set=(Level.OK, "on")),
-        meaning="whether there is a fence",
+        meaning="ArduPilot's fence",
     ),
     Rule(
         parameter="FENCE_ACTION",
@@ -175,20 +175,20 @@ RULES = (
             lambda level: min(level, Level.NOTE),
             "once the fence is on",
         ),
-        meaning="what ArduPilot does at its fence",
+        meaning="ArduPilot's action at its fence",
         remedy="set 4 (brake, or land)",
     ),
     Rule(
         parameter="BATT_MONITOR",
         judge=switch(off=Level.NO_GO),
-        meaning="what measures the battery; 0 is nothing",
+        meaning="the battery monitor's type; 0 is none",
         remedy="set up the battery monitor",
         unknown=Level.NO_GO,
     ),
     Rule(
         parameter="BATT_FS_LOW_ACT",
         judge=_where_it_happens(choice({**_BATTERY, 0: (Level.NOTE, "nothing")}), "LOW"),
-        meaning="what ArduPilot does on a low battery",
+        meaning="ArduPilot's action on a low battery",
         remedy="set 1 (land) or 0 (nothing), and BATT_LOW_VOLT or BATT_LOW_MAH",
         unknown=Level.NO_GO,
     ),
@@ -198,7 +198,7 @@ RULES = (
             choice({**_BATTERY, 0: (Level.NOTE, f"nothing: {UNTIL_IT_FALLS}")}),
             "CRT",
         ),
-        meaning="what ArduPilot does on a critical battery",
+        meaning="ArduPilot's action on a critical battery",
         remedy="set 1 (land) or 0 (nothing), and BATT_CRT_VOLT or BATT_CRT_MAH",
         unknown=Level.NO_GO,
     ),
@@ -241,7 +241,7 @@ RULES = (
         Rule(
             parameter=name,
             judge=switch(off=Level.NOTE),
-            meaning="drag, by which ArduPilot estimates the wind; else the companion does",
+            meaning="drag for ArduPilot's wind estimate; without it the companion estimates it",
             unknown=Level.NOTE,
         )
         for name in ("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF")

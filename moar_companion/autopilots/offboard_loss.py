@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import pilot_texts
-from ..text_format import plural, reason_chars, with_name
+from ..text_format import exceeds, plural, reason_chars, with_name
 from ..types import AutopilotKind
 from .failsafe_actions import AutopilotAction, ReturnHeight
 
@@ -89,12 +89,12 @@ class OffboardLoss:
     @property
     def objection_anywhere(self) -> str | None:
         """Reason why an offboard loss is unsafe anywhere; None if that depends on the place."""
-        if self.timeout_s is not None and self.timeout_s > _LONGEST_S:
-            fly_on = f"it would fly on for {self.timeout_s:.3g} s"
+        fly_on = exceeds(f"{self.name} would fly on", self.timeout_s, _LONGEST_S, "s")
+        if fly_on is not None:
             return f"{fly_on} (on offboard loss; {self.remedy})"
         if self.action is AutopilotAction.RETURN and self.home is None:
             why = f"{self.unknown_return}; "
-            return self._against(f"{self.action.value} by an unknown way", why=why)
+            return self._against(f"{self.action.value}, route unknown", why=why)
         return self._against(self.action.value) if self.action is AutopilotAction.FALL else None
 
     def collision(self, obstacle: str) -> str:

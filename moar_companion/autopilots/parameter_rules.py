@@ -1,4 +1,4 @@
-"""Rules by which `check` judges parameters: a value in, a level and a text out. Pure.
+"""Rules by which `check` judges parameters: value in, level and text out. Pure.
 
 The tables are `px4_parameters` and `ardupilot_parameters`. Only reported values are judged: a
 parameter that was not reported is unknown, and never taken for its default.
@@ -16,8 +16,8 @@ from .offboard_loss import OffboardLoss, follows
 
 CLIMBS = "which climbs first, perhaps through conductors"
 CLIMBING = f"return, {CLIMBS}"
-FALLING = "motors off: it falls"
-UNTIL_IT_FALLS = "the companion leads out before; without one it flies on until it falls"
+FALLING = "motors off: the aircraft falls"
+UNTIL_IT_FALLS = "the companion exits before; without it the aircraft flies on until it falls"
 _SHORT_S = 0.5
 """Offboard time-out that the manual requires, in s."""
 
@@ -98,7 +98,7 @@ def choice(verdicts: Mapping[int, Verdict]) -> Judge:
     """Judges by the value of an enumeration."""
 
     def judge(value: float, _: Case) -> Verdict:
-        level, word = verdicts.get(int(value), (Level.WARNING, "not known here"))
+        level, word = verdicts.get(int(value), (Level.WARNING, "unknown value"))
         return level, f"{value:g} ({word})"
 
     return judge
@@ -146,11 +146,11 @@ def switch(off: Level) -> Judge:
 
 
 def excepts_us(parameter: str, source: str, mode: str) -> Rule:
-    """Rule of bit 2, by which a loss does not count in our mode, in both autopilots."""
+    """Rule of bit 2: both autopilots ignore a loss in our mode if it is set."""
     return Rule(
         parameter=parameter,
-        judge=bits(0b100, clear=(Level.OK, "it counts"), is_set=(Level.NOTE, "it does not")),
-        meaning=f"whether a lost {source} counts in {mode}",
+        judge=bits(0b100, clear=(Level.OK, "active"), is_set=(Level.NOTE, "ignored")),
+        meaning=f"reaction to a lost {source} in {mode}",
     )
 
 
@@ -166,7 +166,7 @@ def speed_limits(
         Rule(
             parameter=name,
             judge=_covers(axis, scale),
-            meaning=f"the fastest that {autopilot} flies {direction}",
+            meaning=f"greatest speed of {autopilot} {direction}",
             remedy="set it higher, or the speed of the vehicle file lower",
             unknown=unknown,
         )
@@ -185,7 +185,9 @@ def time_on_last_setpoint(value: float, case: Case) -> Verdict:
     """Judges the seconds without new setpoints, with the stopping distance."""
     speed_mps, loss = case.max_speed_mps, case.loss
     stopping_m = float(loss.stopping_m(np.array(speed_mps)))
-    words = f"{value:g} s, and up to {stopping_m:.1f} m at {speed_mps:g} m/s until it rests"
+    words = (
+        f"{value:g} s, and up to {stopping_m:.1f} m at {speed_mps:g} m/s until the aircraft stops"
+    )
     if loss.objection_anywhere is not None and loss.timeout_s is not None:
         return case.objection, words
     return (Level.OK if value <= _SHORT_S else Level.WARNING), words
@@ -201,7 +203,7 @@ def follows_setpoints(
 
     def judge(value: float, case: Case) -> Verdict:
         limit_mps2, asked_mps2 = unit_mps2 * value, case.acceleration_mps2
-        words = f"{limit_mps2:g} m/s2, the vehicle file asks for {asked_mps2:g}"
+        words = f"{limit_mps2:g} m/s2, the vehicle file requires {asked_mps2:g}"
         return (Level.OK if follows(limit_mps2, asked_mps2) else case.objection), words
 
     def remedy(case: Case) -> str:
@@ -212,7 +214,7 @@ def follows_setpoints(
         Rule(
             parameter=name,
             judge=judge,
-            meaning=f"how hard {autopilot} follows our setpoints {direction}",
+            meaning=f"acceleration limit of {autopilot} for our setpoints {direction}",
             remedy=remedy,
             unknown=Level.NO_GO,
         )
@@ -225,7 +227,7 @@ def _covers(axis: int, scale: float) -> Judge:
 
     def judge(value: float, case: Case) -> Verdict:
         limit_mps, asked_mps = value * scale, case.speeds_mps[axis]
-        words = f"{limit_mps:g} m/s, the vehicle file asks for {asked_mps:g}"
+        words = f"{limit_mps:g} m/s, the vehicle file requires {asked_mps:g}"
         return (Level.OK if limit_mps >= asked_mps - 1e-3 else Level.WARNING), words
 
     return judge

@@ -1,4 +1,4 @@
-"""Rules by which `check` judges PX4's parameters: those that decide its reaction to failures.
+"""Rules by which `check` judges PX4's parameters that decide its reaction to failures.
 
 Sources: PX4 v1.17, "Safety configuration (failsafes)" and the parameters' descriptions; its
 reaction to a companion failure, as measured.
@@ -29,7 +29,7 @@ from .parameter_rules import (
 
 def _forwarding(value: float, case: Case) -> Verdict:
     if not value and case.ground_station_received:
-        return Level.OK, "0, and a ground station is heard all the same"
+        return Level.OK, "0, but a ground station is received"
     return (Level.OK if value else Level.WARNING), f"{value:g}"
 
 
@@ -39,12 +39,12 @@ def _critical_battery(value: float, case: Case) -> Verdict:
     return (Level.OK if value < full else Level.WARNING), words
 
 
-_THEREFORE = {AutopilotAction.RETURN: f", {CLIMBS}", AutopilotAction.FALL: ": it falls"}
+_THEREFORE = {AutopilotAction.RETURN: f", {CLIMBS}", AutopilotAction.FALL: ": the aircraft falls"}
 
 
 def _companion_loss(value: float, case: Case) -> Verdict:
     action = case.loss.action
-    word = _OFFBOARD_LOSS.get(int(value), "not known here, taken for a return")
+    word = _OFFBOARD_LOSS.get(int(value), "unknown value, taken as a return")
     level = Level.WARNING if action is AutopilotAction.RETURN else Level.OK
     if case.loss.objection_anywhere is not None:
         level = case.objection
@@ -74,13 +74,13 @@ RULES = (
     Rule(
         parameter="COM_OF_LOSS_T",
         judge=time_on_last_setpoint,
-        meaning="how long PX4 stays with the last setpoint of a failed companion",
+        meaning="time for which PX4 keeps the last setpoint after a companion failure",
         remedy="set 0.5",
     ),
     Rule(
         parameter="COM_OBL_RC_ACT",
         judge=_companion_loss,
-        meaning="what PX4 does after a companion failure",
+        meaning="PX4's action after a companion failure",
         remedy="set 5 (hold)",
         unknown=Level.NO_GO,
     ),
@@ -88,17 +88,17 @@ RULES = (
         parameter="COM_RC_OVERRIDE",
         judge=bits(
             0b10,
-            clear=(Level.WARNING, "not in OFFBOARD, where it takes the mode switch"),
+            clear=(Level.WARNING, "not in OFFBOARD, where only the mode switch takes over"),
             is_set=(Level.OK, "in OFFBOARD, too"),
         ),
-        meaning="whether the sticks take over",
+        meaning="take-over by the sticks",
         remedy="set 3",
     ),
     excepts_us("COM_RCL_EXCEPT", "remote control", "OFFBOARD"),
     Rule(
         parameter="NAV_RCL_ACT",
         judge=excepted(choice(_LINK_LOSS), ("COM_RCL_EXCEPT", 2), "not in OFFBOARD"),
-        meaning="what PX4 does when the remote control is lost",
+        meaning="PX4's action when the remote control is lost",
         remedy="set 1 (hold) or 3 (land)",
         unknown=Level.NO_GO,
     ),
@@ -110,7 +110,7 @@ RULES = (
             ("COM_DLL_EXCEPT", 2),
             "not in OFFBOARD",
         ),
-        meaning="what PX4 does when the ground station is lost",
+        meaning="PX4's action when the ground station is lost",
         remedy="set 1 (hold), 3 (land) or 0 (nothing)",
         unknown=Level.NO_GO,
     ),
@@ -126,7 +126,7 @@ RULES = (
                 5: (Level.OK, "land"),
             }
         ),
-        meaning="what PX4 does at its fence",
+        meaning="PX4's action at its fence",
         remedy="set 2 (hold)",
         unknown=Level.NO_GO,
     ),
@@ -140,7 +140,7 @@ RULES = (
                 3: (Level.NOTE, f"{CLIMBING}; land when nearly empty"),
             }
         ),
-        meaning="what PX4 does at BAT_CRIT_THR: order the exit before",
+        meaning="PX4's action at BAT_CRIT_THR: order the exit before",
         remedy="set 2 (land) or 0 (a warning)",
     ),
     Rule(
@@ -152,7 +152,7 @@ RULES = (
                 3: (Level.WARNING, CLIMBING),
             }
         ),
-        meaning="what PX4 does when the flight time that is left is that of its return",
+        meaning="PX4's action when the remaining flight time is that of its return",
         remedy="set 1 (a warning)",
         unknown=Level.NOTE,
     ),
@@ -177,7 +177,7 @@ RULES = (
                 5: (Level.OK, "land"),
             }
         ),
-        meaning="what PX4 does in more wind than COM_WIND_MAX, where that is above 0",
+        meaning="PX4's action in more wind than COM_WIND_MAX, if that is above 0",
         remedy="set 2 (hold)",
         unknown=Level.NOTE,
     ),
@@ -193,7 +193,7 @@ RULES = (
     Rule(
         parameter="BAT_CRIT_THR",
         judge=_critical_battery,
-        meaning="the charge at which PX4 takes the aircraft",
+        meaning="the charge at which PX4 takes control of the aircraft",
         remedy="set it lower, or risk.battery_remaining of the vehicle file higher",
     ),
     Rule(
@@ -206,14 +206,14 @@ RULES = (
     Rule(
         parameter="MAV_1_FORWARD",
         judge=_forwarding,
-        meaning="whether TELEM2 passes on what ground station and companion tell each other",
+        meaning="forwarding of messages between ground station and companion on TELEM2",
         remedy="set 1",
         unknown=Level.NOTE,
     ),
     Rule(
         parameter="EKF2_DRAG_CTRL",
         judge=switch(off=Level.NOTE),
-        meaning="whether PX4 estimates the wind; else the companion does, from the lean",
+        meaning="PX4's wind estimate; without it the companion estimates the wind from the lean",
         unknown=Level.NOTE,
     ),
 )

@@ -216,7 +216,7 @@ def _status(operator: GroundStation) -> str:
         ("autopilot", "not received" if autopilot is None else _autopilot(autopilot)),
         ("risks", _values(_RISKS, values)),
         ("weights", _values(_WEIGHTS, values)),
-        *(("said", text) for text in texts or ["nothing while this listened"]),
+        *(("texts", text) for text in texts or ["none received"]),
     )
     return "\n".join(f"{what:10} {words}" for what, words in lines)
 

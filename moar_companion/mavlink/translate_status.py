@@ -348,7 +348,7 @@ def _link_node_status(telemetry: Telemetry, message: Message, now_s: float) -> T
 
 
 def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    reported = telemetry.remote_control is not None and telemetry.remote_control.ever_told
+    reported = telemetry.remote_control is not None and telemetry.remote_control.ever_reported
     rssi_max = profile_of(telemetry).rssi_max
     rssi: float | None = message.rssi / rssi_max
     if message.rssi > rssi_max:
@@ -357,7 +357,8 @@ def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Teleme
         # Autopilots without a signal strength report one of these. Only after another value do
         # they mean no or full signal.
         rssi = None
-    received = RemoteControl(received_s=now_s, rssi=rssi, ever_told=reported or rssi is not None)
+    known = reported or rssi is not None
+    received = RemoteControl(received_s=now_s, rssi=rssi, ever_reported=known)
     return replace(telemetry, remote_control=received)
 
 

@@ -51,7 +51,7 @@ class AutopilotLog:
         self._urls = [link.url for link in links if link.role is LinkRole.AUTOPILOT]
         self._before: AutopilotStatus | None = None
         self._warning_due_s: float | None = None
-        """When its absence is logged; None before the first update; infinity: not any more."""
+        """Time at which its absence is logged; None: not set yet; infinity: never again."""
 
     def update(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
         """Logs what is new; to be called about each second. now_s: real seconds."""

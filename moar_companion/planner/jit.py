@@ -94,7 +94,10 @@ class Kernel:
 
     @property
     def source(self) -> tuple[object, ...]:
-        """What the kernel does. Its name has the digest of what it takes from other files."""
+        """Name, types and instructions of the kernel.
+
+        The name has the digest of the constants and kernels that it uses.
+        """
         types = [each.name for each in (self._answer, *self._arguments)]
         return self.py_func.__qualname__, types, _instructions(self.py_func.__code__)
 
@@ -204,7 +207,7 @@ def _load_without_blas() -> None:
 
 
 def _taken_in(function: Any, *types: Type) -> str:
-    """Digest of what a kernel, and those it calls, take from other files."""
+    """Digest of the constants and kernels that a kernel and its callees use."""
     named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
     taken = [
         [each.name for each in types],
@@ -215,7 +218,7 @@ def _taken_in(function: Any, *types: Type) -> str:
 
 
 def _instructions(code: CodeType) -> tuple[object, ...]:
-    """What a function does, the same in each process."""
+    """Instructions and constants of a function, the same in each process."""
     constants = [
         _instructions(each) if isinstance(each, CodeType) else each for each in code.co_consts
     ]

@@ -110,14 +110,14 @@ def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
             level=Level.NO_GO,
             subject="autopilot",
             text=f"{autopilot} is neither {known}",
-            remedy="no other is known here",
+            remedy="fly with one of these: no other is supported",
         )
     elif vehicle.autopilot not in (None, autopilot.kind):
         yield Finding(
             level=Level.NO_GO,
             subject="autopilot",
-            text=f"{autopilot}, and the vehicle file says {vehicle.autopilot}",
-            remedy="correct `autopilot` there: each has its own map projection",
+            text=f"{autopilot}, and the vehicle file names {vehicle.autopilot}",
+            remedy="correct `autopilot` in the vehicle file: each has its own map projection",
         )
     elif sight.causes.autopilot_identity is not None:
         yield Finding(
@@ -133,7 +133,7 @@ def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
             level=Level.NO_GO,
             subject="autopilot",
             text=f"a second one is received, {other}",
-            remedy="nothing is controlled while there are two: switch one off, or part the links",
+            remedy="no control with two autopilots: switch one off, or separate the links",
         )
 
 
@@ -150,7 +150,7 @@ def _firmware(sight: Sight) -> Finding:
     measured = " and ".join(f"{major}.{minor}" for major, minor in known.measured_releases)
     if release in known.measured_releases:
         return Finding(level=Level.OK, subject="firmware", text=str(firmware))
-    text = f"{firmware}, where this program was measured against {measured or 'none of this kind'}"
+    text = f"{firmware}; this program was tested with {measured or 'none of this kind'}"
     if release < known.oldest_release:
         return Finding(
             level=Level.WARNING,
@@ -176,7 +176,7 @@ def _state(sight: Sight) -> Iterator[Finding]:
             level=Level.NO_GO,
             subject="state",
             text=f"{words}, in failsafe",
-            remedy="its ground station says which; mend that first",
+            remedy="the ground station shows the cause: correct it first",
         )
     else:
         yield Finding(level=Level.NOTE, subject="state", text=words)
@@ -185,7 +185,7 @@ def _state(sight: Sight) -> Iterator[Finding]:
             level=Level.NO_GO,
             subject="ready to arm",
             text="unknown, there is no SYS_STATUS",
-            remedy="look at the link's rates",
+            remedy="check the link's message rates",
         )
         return
     unhealthy = f", unhealthy: {', '.join(readiness.unhealthy)}" if readiness.unhealthy else ""
@@ -194,7 +194,7 @@ def _state(sight: Sight) -> Iterator[Finding]:
             level=Level.WARNING if not readiness.ready else Level.NOTE if unhealthy else Level.OK,
             subject="ready to arm",
             text="armed" + ("" if readiness.ready else ", would not arm now") + unhealthy,
-            remedy="" if readiness.ready else "the ground station says why",
+            remedy="" if readiness.ready else "the ground station shows the reason",
         )
     elif readiness.ready:
         yield Finding(level=Level.OK, subject="ready to arm", text="yes")
@@ -203,7 +203,7 @@ def _state(sight: Sight) -> Iterator[Finding]:
             level=Level.NO_GO,
             subject="ready to arm",
             text="no" + unhealthy,
-            remedy="the ground station says why; after a start it takes a minute",
+            remedy="the ground station shows the reason; after a start it takes a minute",
         )
 
 
@@ -226,8 +226,8 @@ def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
             yield Finding(
                 level=Level.NO_GO,
                 subject=name,
-                text="does not come",
-                remedy="the estimator needs a GPS fix first; else look at the link's rates",
+                text="not received",
+                remedy="wait for a GPS fix; with a fix check the link's message rates",
             )
             continue
         text = f"{rate_hz:.0f} Hz, longest pause {arrivals.longest_gap_s:.2f} s"
@@ -250,7 +250,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
             level=Level.NO_GO,
             subject="position",
             text=obstruction or "unknown",
-            remedy="nothing is flown before this is known",
+            remedy="wait until it is known: no flight starts before",
         )
     if pose is None:
         return
@@ -263,7 +263,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
             level=Level.NO_GO,
             subject="position",
             text=f"{_distance(far_m)} from the site {site.name}",
-            remedy="is it the right site file? Else correct frame.origin",
+            remedy="load the right site file, or correct frame.origin",
         )
         return
     not_ready_reason = causes.off_plane or causes.not_hovering
@@ -286,13 +286,13 @@ def _height(z_m: float, site: Site) -> Finding:
     An error shifts the whole flight up or down, in addition to what the margin allows for.
     """
     altitude_m = site.frame.origin.altitude_amsl_m
-    text = f"it stands at z = {z_m:+.1f} m by its own altitude and the site's ({altitude_m:g} m)"
+    text = f"z = {z_m:+.1f} m on the ground, by its altitude and the site's ({altitude_m:g} m)"
     slack_m = _HEIGHT_ERROR_M if site.obstacles else _NO_KEEP_OUT_M
     if abs(z_m) <= slack_m:
         return Finding(level=Level.OK, subject="height", text=text)
     lowest_m, highest_m = _ground_m(site, slack_m)
     remedy = (
-        f"all would be flown {abs(z_m):.1f} m too {'low' if z_m > 0.0 else 'high'}: correct "
+        f"the whole flight would be {abs(z_m):.1f} m too {'low' if z_m > 0.0 else 'high'}: correct "
         "frame.origin.altitude_amsl_m, or wait for a better fix and restart the autopilot"
     )
     if lowest_m <= z_m <= highest_m:
@@ -300,13 +300,12 @@ def _height(z_m: float, site: Site) -> Finding:
             level=Level.WARNING,
             subject="height",
             text=text,
-            remedy=f"unless the ground is there, {remedy}",
+            remedy=f"unless the ground is at this height, {remedy}",
         )
     return Finding(
         level=Level.NO_GO,
         subject="height",
-        text=f"{text}, where no ground is: the site's is within {lowest_m:+.1f} to "
-        f"{highest_m:+.1f} m",
+        text=f"{text}; the site's ground is within {lowest_m:+.1f} to {highest_m:+.1f} m",
         remedy=remedy,
     )
 
@@ -325,7 +324,7 @@ def _distance(distance_m: float) -> str:
 
 
 def _drag(risk: RiskModel) -> Finding:
-    """Checks the drag, by which the lean gives the wind."""
+    """Checks the drag, from which the wind is computed by the lean."""
     text = f"{risk.drag_per_s:g} /s and {risk.drag_per_m:g} /m"
     if not risk.drag_is_usual:
         return Finding(level=Level.OK, subject="drag", text=text)
@@ -352,8 +351,8 @@ def _people(sight: Sight) -> Iterator[Finding]:
             sight.risk,
             "ground station",
             None if ground is None else f"received, system {ground.system_id}",
-            "connect it, and let the autopilot forward its messages to this link: orders come "
-            "that way",
+            "connect it, and let the autopilot forward its messages to this link: it carries "
+            "the orders",
         ),
         _person(
             sight.risk,

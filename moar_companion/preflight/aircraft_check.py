@@ -44,13 +44,13 @@ _VERSION_PERIOD_S = 1.0
 
 _REFUSAL_REMEDIES = {
     SigningRefusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), "
-    "or find who sends it",
-    SigningRefusal.WRONG: "give the sender the key that signing names, or find who sends it",
-    SigningRefusal.OLD: "compare the clocks here and there; "
-    "a sender whose clock is right is replayed",
+    "or find an unknown sender",
+    SigningRefusal.WRONG: "give the sender the key of `signing`, or find an unknown sender",
+    SigningRefusal.OLD: "compare the sender's clock with this computer's; "
+    "if both are right, the packets are a replay",
 }
 
-_NOT_TOLD = "check again over a better link, or look it up in the ground station"
+_NOT_REPORTED = "check again over a better link, or look it up in the ground station"
 
 
 def _parameters(autopilot: Profile) -> tuple[str, ...]:
@@ -99,7 +99,7 @@ def _parameter_finding(rule: Rule, case: Case) -> Finding:
             level=rule.unknown,
             subject=rule.parameter,
             text=f"unknown, there is no such parameter or no answer: {rule.meaning}",
-            remedy="" if rule.unknown is Level.NOTE else _NOT_TOLD,
+            remedy="" if rule.unknown is Level.NOTE else _NOT_REPORTED,
         )
     level, words = rule.judge(value, case)
     remedy = rule.remedy if isinstance(rule.remedy, str) else rule.remedy(case)
@@ -331,13 +331,13 @@ class Preflight:
         links = ", ".join(self._asked_links)
         if self._received_bytes == 0:
             remedy = (
-                "is it running, and is this the port that it sends to (on a serial line: the "
-                "right device, TX and RX crossed, MAVLink set up on that port)?"
+                "check that it runs and sends to this port (on a serial line: the right device, "
+                "TX and RX crossed, MAVLink set up on that port)"
             )
         else:
             remedy = (
-                f"{self._received_bytes} bytes came, but no heartbeat of an autopilot: is the baud "
-                "rate right, is it MAVLink, is it an autopilot that sends?"
+                f"{self._received_bytes} bytes received, but no heartbeat of an autopilot: check "
+                "the baud rate, the protocol (MAVLink) and the sender"
             )
         return Finding(
             level=Level.NO_GO,

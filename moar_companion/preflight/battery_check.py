@@ -22,7 +22,7 @@ def battery_findings(telemetry: Telemetry, model: RiskModel) -> list[Finding]:
                 level=Level.NO_GO,
                 subject="battery",
                 text="not reported by the autopilot",
-                remedy="set up its battery monitor: an empty battery would not be seen",
+                remedy="set up its battery monitor: an empty battery would not be detected",
             )
         ]
     batteries = sorted(telemetry.batteries.items())
@@ -48,8 +48,8 @@ def _silent(subject: str, *, beside: bool) -> Finding:
     return Finding(
         level=Level.WARNING if beside else Level.NO_GO,
         subject=subject,
-        text="charge and voltage unknown: an empty one would not be seen",
-        remedy="set up its battery monitor, or switch that off where there is no such battery",
+        text="charge and voltage unknown: an empty battery would not be detected",
+        remedy="set up its battery monitor, or switch the monitor off if there is no such battery",
     )
 
 
@@ -65,7 +65,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
         return Finding(
             level=Level.WARNING,
             subject=subject,
-            text=f"{text}: the autopilot is fed by USB, and its charge means nothing",
+            text=f"{text}: the autopilot is powered by USB, the charge is not that of a battery",
             remedy="connect the flight battery",
         )
     if cells is None:
@@ -76,10 +76,10 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
         return Finding(
             level=Level.NO_GO,
             subject=subject,
-            text=f"{text}: it reports the voltages of {reported} cells, and the vehicle file says "
+            text=f"{text}: it reports the voltages of {reported} cells, the vehicle file has "
             f"{cells}",
-            remedy="correct risk.cells there: with the wrong number an empty battery looks full, "
-            "or a full one empty",
+            remedy="correct risk.cells in the vehicle file: with a wrong number an empty battery "
+            "counts as full, or a full one as empty",
         )
     cell_v = voltage_v / cells
     text = f"{text}, {cell_v:.2f} V a cell"
@@ -87,7 +87,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
         return Finding(
             level=Level.NO_GO,
             subject=subject,
-            text=f"{text} with {cells} cells, which cannot be",
+            text=f"{text} with {cells} cells, which is impossible",
             remedy="correct risk.cells in the vehicle file, or the autopilot's voltage divider",
         )
     if remaining is not None and _contradictory(remaining, cell_v, model):

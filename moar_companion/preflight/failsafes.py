@@ -1,6 +1,6 @@
 """Collisions of the autopilot's failsafes, and after a companion failure, on any route. Pure.
 
-The texts on a companion failure are those with which the service refuses such a flight, or warns.
+The texts on a companion failure are those of the service when it refuses such a flight, or warns.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ def failsafe_findings(
         and (words := _hits(planner, replace(failsafes, actions=(item,)), routes))
     ]
     if routes and not found:
-        text = "no action of the autopilot's own would hit anything on any way of this site"
+        text = "no failsafe action of the autopilot would hit an obstacle on any route of this site"
         found = [Finding(level=Level.OK, subject=SUBJECT, text=text)]
     returns = any(item.action is AutopilotAction.RETURN for item in failsafes.actions)
     if returns and failsafes.home_m is None:
-        text = "home is unknown: returns were looked at as far as they climb"
+        text = "home is unknown: of returns only the climb was checked"
         found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
     if failsafes.unreported:
         text = f"not reported, taken as default: {', '.join(failsafes.unreported)}"
@@ -87,7 +87,7 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
         return ""
     if item.voltage_v is not None and power.cells is None:
         return "; its time cannot be forecast without risk.cells of the vehicle file"
-    return f"; the companion leaves {limits.exposure_reserve_s:g} s before"
+    return f"; the companion exits {limits.exposure_reserve_s:g} s before"
 
 
 def _hits(planner: Planner, failsafe: Failsafes, routes: list[tuple[str, SiteRoute]]) -> str:
@@ -134,7 +134,7 @@ def loss_findings(
         for (level, objection), names in objections.items()
     ]
     if routes_by_target and not found:
-        text = f"the autopilot would {loss.action.value}, and hit nothing on any way of this site"
+        text = f"the autopilot would {loss.action.value}, no collision on any route of this site"
         found = [Finding(level=Level.OK, subject=LOSS_SUBJECT, text=text)]
     if loss.assumption is not None:
         found.append(Finding(level=Level.WARNING, subject=LOSS_SUBJECT, text=loss.assumption))

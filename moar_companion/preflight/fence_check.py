@@ -1,6 +1,6 @@
 """Conflicts of the autopilot's fence with a site: the reported fence in, findings out. Pure.
 
-Uses the same functions as in flight: `fence_of`, `plane_fence`, and plans within it.
+Uses the same functions as in flight: `Profile.fence`, `plane_fence`, and plans within the fence.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def fence_findings(
             Finding(
                 level=Level.WARNING,
                 subject="uploaded fence",
-                text="unknown, the autopilot does not answer: plans may lead through it",
+                text="unknown, the autopilot does not answer: plans may cross it",
                 remedy="check again over a better link, or look it up in the ground station",
             )
         )
@@ -52,7 +52,7 @@ def fence_findings(
             Finding(
                 level=Level.NO_GO,
                 subject=SUBJECT,
-                text="it counts from home, which is unknown",
+                text="the fence is relative to home, and home is unknown",
                 remedy="wait for a position, then check again",
             ),
         ]
@@ -70,7 +70,7 @@ def _summary(fence: Fence) -> Finding:
         return Finding(level=Level.OK, subject=SUBJECT, text="none")
     text = f"{', '.join(fence.names)}; outside the autopilot would {fence.action}"
     if fence.overrules_land:
-        text += ", and take a LAND that is ordered there back to that hold"
+        text += ", and replace a LAND that is ordered there by that hold"
     return Finding(level=Level.NOTE, subject=SUBJECT, text=text)
 
 
@@ -116,10 +116,10 @@ def _outside(planner: Planner, fence: PlaneFence) -> Iterator[Finding]:
             if kept[route.name] is not PlanStatus.FOUND:
                 clear = False
                 crossed = fence.crossed(route.plan.waypoints.position_m)
-                text = f"{route.name}: no way inside {crossed}"
+                text = f"{route.name}: no path inside {crossed}"
                 yield _finding(Level.NO_GO, f"target {target}", text, fence)
     if clear:
-        text = f"all targets and ways keep {fence.margin_m:g} m from it"
+        text = f"all targets and routes keep {fence.margin_m:g} m from it"
         yield Finding(level=Level.OK, subject=SUBJECT, text=text)
 
 

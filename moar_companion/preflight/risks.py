@@ -21,13 +21,13 @@ _INDICES = (
     ("wind", "wait for calmer air", Level.NOTE, ("wind",)),
     (
         "communication",
-        "bring the ground station nearer, or see below why it is not received",
+        "bring the ground station nearer; if it is not received, see below",
         Level.WARNING,
         (),
     ),
     (
         "localization",
-        "wait for a better fix, away from what hides the sky",
+        "wait for a better fix, with a free view of the sky",
         Level.NO_GO,
         ("uncertainty", "gnss", "localization"),
     ),
@@ -35,7 +35,7 @@ _INDICES = (
 )
 """Each index with its remedy, its level without data, and the causes for which the service
 refuses an inspection at any value of the index."""
-_UNREPORTED = "the autopilot has to report it: set it up there, or look at the link's rates"
+_UNREPORTED = "set up the autopilot to report it, or check the link's message rates"
 
 
 def risk_findings(
@@ -53,7 +53,7 @@ def risk_findings(
                 yield Finding(
                     level=Level.NO_GO,
                     subject=cause.replace("_", " "),
-                    text=f"{words}: no inspection is flown so",
+                    text=f"{words}: no inspection starts",
                     remedy=remedy,
                 )
 
@@ -68,7 +68,7 @@ def _index(
     report: IndexReport = getattr(estimate.report, name)
     if report.value is None:
         index, more = getattr(estimate.indices, name), " any more" if report.ever_known else ""
-        text = f"no input of it is received{more}, and it counts as {index:.2f}"
+        text = f"no input is received{more}, the risk counts as {index:.2f}"
         level, remedy = max(unknown, Level.of_risk(index) if more else unknown), unreported
     else:
         level = Level.of_risk(report.target)
@@ -106,6 +106,6 @@ def held_wind_finding(
     return Finding(
         level=Level.NOTE,
         subject="wind",
-        text=f"{text}: it holds at {allowed_mps:.1f} m/s, before supervision.wind_limit_mps "
-        f"({limits.wind_limit_mps:g})",
+        text=f"{text}: the companion holds at {allowed_mps:.1f} m/s, before "
+        f"supervision.wind_limit_mps ({limits.wind_limit_mps:g})",
     )

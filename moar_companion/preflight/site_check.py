@@ -27,7 +27,7 @@ from .site_routes import SiteRoute, place_problem, routes_of, too_near, unseen
 _LARGE_BYTES = 500_000_000
 """Number of cells that is too many for a companion computer of 4 GB."""
 _LOST_SHARE = 0.5
-"""Fraction of a required clearance that may be lost on the way between two cells."""
+"""Fraction of a required clearance that may be lost between two cells."""
 _ENDURANCE_SHARE = 0.8
 """Fraction for the flight; the rest is for take-off and landing, the wind and waiting."""
 
@@ -68,7 +68,7 @@ def _speed(planner: Planner) -> Finding:
     text = f"up to {speed_mps:g} m/s, stops within {stopping_m:.1f} m at {acceleration_mps2:g} m/s2"
     if 2.0 * stopping_m > max(grid.shape) * grid.resolution_m:
         return Finding(
-            level=Level.NOTE, subject="speed", text=f"{text}, and never comes up to it on this site"
+            level=Level.NOTE, subject="speed", text=f"{text}, never reached on this site"
         )
     return Finding(level=Level.OK, subject="speed", text=text)
 
@@ -86,9 +86,9 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
             yield Finding(
                 level=Level.NO_GO,
                 subject=f"obstacle {obstacle.name}",
-                text=f"{required_m:g} m are to be kept clear of it, and between two cells of "
+                text=f"required clearance {required_m:g} m, between two cells of "
                 f"{resolution_m:g} m it may be {least_m:.2f} m",
-                remedy="make workspace.resolution_m finer, or its keep_out_m greater",
+                remedy="set workspace.resolution_m finer, or keep_out_m of the obstacle greater",
             )
 
 
@@ -105,7 +105,7 @@ def _margin(planner: Planner) -> Finding:
         level=Level.WARNING,
         subject="margin",
         text=f"{text}; to be expected of {autopilot.name}: {seen}",
-        remedy="only what was measured in flight, for example with RTK, should be less: "
+        remedy="set less only if it was measured in flight, for example with RTK: "
         "supervision.position_uncertainty_m, guidance.tracking_margin_m of the vehicle",
     )
 
@@ -127,7 +127,7 @@ def _start(planner: Planner) -> Finding:
         level=Level.WARNING,
         subject="start",
         text=f"{_shown(point)} is {problem}",
-        remedy="move it: `plan` begins there; in flight the vehicle's own position counts",
+        remedy="move it: `plan` begins there; a flight begins at the vehicle's position",
     )
 
 
@@ -140,7 +140,7 @@ def _landings(planner: Planner) -> Iterator[Finding]:
                 level=Level.WARNING,
                 subject=subject,
                 text="no landing points",
-                remedy=f"add landing.{mission.value}: else none can be ordered",
+                remedy=f"add landing.{mission.value}: without it no {mission.value} can be ordered",
             )
         for index, point in enumerate(points):
             problem = too_near(planner, point) or unseen(planner, mission, index)
@@ -151,7 +151,7 @@ def _landings(planner: Planner) -> Iterator[Finding]:
                     level=Level.NO_GO,
                     subject=f"{subject} {index}",
                     text=f"{_shown(point)} {problem}",
-                    remedy="move it, or take it out",
+                    remedy="move or remove the landing point",
                 )
 
 
@@ -163,7 +163,7 @@ def _targets(planner: Planner) -> Iterator[Finding]:
             level=Level.WARNING,
             subject="targets",
             text="none",
-            remedy="add targets: else no inspection can be ordered",
+            remedy="add targets: without them no inspection can be ordered",
         )
     routes = routes_of(planner)
     visits_s = escape_route_s = 0.0
@@ -175,7 +175,7 @@ def _targets(planner: Planner) -> Iterator[Finding]:
                 level=Level.NO_GO,
                 subject=subject,
                 text=f"{_shown(point)} is {problem}",
-                remedy="move it, or what is in its way",
+                remedy="move the target or the obstacle",
             )
             continue
         times_s = {route: route.flown_s(planner) for route in routes[target.name]}
@@ -203,13 +203,13 @@ def _routes(subject: str, times_s: dict[SiteRoute, float]) -> Finding:
             level=Level.NO_GO,
             subject=subject,
             text=f"no free path: {', '.join(lost)}",
-            remedy="is it walled in? A lesser keep_out_m or a finer resolution_m may open a way",
+            remedy="check the obstacles; a smaller keep_out_m or finer resolution_m may help",
         )
     times = ", ".join(f"{route.name} {time_s:.0f} s" for route, time_s in times_s.items())
     metrics = [route.plan.metrics for route in times_s if route.plan.metrics is not None]
     least_m = min((item.min_clearance_m for item in metrics), default=math.inf)
     clear = "" if math.isinf(least_m) else f", {least_m:.1f} m from obstacles at least"
-    return Finding(level=Level.OK, subject=subject, text=f"{times or 'no ways'}{clear}")
+    return Finding(level=Level.OK, subject=subject, text=f"{times or 'no routes'}{clear}")
 
 
 def _endurance(flown_s: float, vehicle: Vehicle) -> Finding:

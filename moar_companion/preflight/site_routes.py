@@ -32,7 +32,7 @@ _STEP_S = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteRoute:
-    """One route of a mission from rest; name: without the target, which the reader has."""
+    """Route of a mission from rest; name: without the target."""
 
     name: str
     mission: Mission
@@ -151,7 +151,7 @@ def requirement(site: Site, vehicle: Vehicle, obstacle: Obstacle) -> str:
 
 
 def too_near(planner: Planner, point_m: PlanePoint) -> str | None:
-    """Text about the first obstacle that a place is too near to, with the distances."""
+    """Text about the first obstacle that is too near to a place, with the distances."""
     for obstacle in planner.site.obstacles:
         distance_m = float(geometry.obstacle_distance_m(obstacle, np.array(point_m)))
         required_m = planner.vehicle.radius_m + obstacle.keep_out_m

@@ -93,9 +93,10 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "setpoint_held": _GATE,
     "offboard_loss_collision": (
         "PX4 would hit {tower|MMMMMMMMMMMMMM..}",
-        "PX4 would return by an unknown way",
+        "PX4 would return, route unknown",
         "PX4 would stop its motors",
-        "it would fly on for {9|9999} s",
+        "ArduPilot would fly on {9.0|99999} s > {5}",
+        "ArduPilot would fly on over {5} s",
         "ArduPilot brakes {0.5|0.123} < {1|19.9} m/s2",
     ),
     "position_jump": (

@@ -42,7 +42,7 @@ _WORDS = {
 class Override(enum.Enum):
     """Orders that are carried out although a condition acts."""
 
-    NOBODY = "nobody"
+    NOBODY = "no order"
     SAFER = "a hold, an exit or an evacuation that is ordered"
     ORDER = "any new order"
 

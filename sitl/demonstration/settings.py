@@ -1,4 +1,4 @@
-"""What the command line asks for: files and folder of the flight, and where it ends."""
+"""Settings of a demonstration from the command line: files, folder and end of the flight."""
 
 from __future__ import annotations
 

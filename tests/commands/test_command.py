@@ -265,7 +265,10 @@ def test_status_shows_the_companions_own_reports(ordered):
             ("K_ENERGY", 0.375),
         ]
     ]
-    reply = [text("MOAR note: battery 0 is silent"), text("MOAR hold: GNSS receiver has no 3D fix")]
+    reply = [
+        text("MOAR: flying inspection to splice-1"),
+        text("MOAR: GNSS receiver has no 3D fix, holding"),
+    ]
     with Aircraft(components=(AUTOPILOT, COMPANION), messages=[*messages, *reply]) as aircraft:
         done = ordered("status", "--connect", aircraft.url)
     assert (done.status, done.err, aircraft.commands) == (0, "", [])
@@ -274,8 +277,8 @@ def test_status_shows_the_companions_own_reports(ordered):
         "autopilot  px4, armed, OFFBOARD",
         "risks      wind 0.25, communication 0.00, localization unknown, battery not received",
         "weights    safety 0.50, time 0.12, energy 0.38",
-        "said       MOAR note: battery 0 is silent",
-        "said       MOAR hold: GNSS receiver has no 3D fix",
+        "texts      MOAR: flying inspection to splice-1",
+        "texts      MOAR: GNSS receiver has no 3D fix, holding",
     ]
 
 

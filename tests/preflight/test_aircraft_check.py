@@ -177,7 +177,7 @@ def test_ardupilot_before_its_gps_has_no_position():
     look = Look(autopilot="ardupilot", age_s=5.0, vehicle=replace(VEHICLE, autopilot=None))
     found = look.findings()
     assert found["LOCAL_POSITION_NED"].level is NO_GO
-    assert found["LOCAL_POSITION_NED"].text == "does not come"
+    assert found["LOCAL_POSITION_NED"].text == "not received"
     assert found["position"].text == "no local position is received"
 
 
@@ -217,7 +217,7 @@ def test_bytes_without_an_autopilot_are_reported():
     look.connected = False
     look.preflight.receive(LINK, bytes(500), 0.0)
     (finding,) = look.findings().values()
-    assert "500 bytes came" in finding.remedy
+    assert "500 bytes received" in finding.remedy
 
 
 def test_two_autopilots_are_both_named():
@@ -238,7 +238,7 @@ def test_two_autopilots_are_both_named():
 def test_an_autopilot_that_is_not_that_of_the_vehicle_file_is_a_finding():
     vehicle = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
     finding = Look(vehicle=vehicle).findings()["autopilot"]
-    assert (finding.level, "the vehicle file says ardupilot" in finding.text) == (NO_GO, True)
+    assert (finding.level, "the vehicle file names ardupilot" in finding.text) == (NO_GO, True)
 
 
 def upload(look, corners_m):
@@ -292,7 +292,7 @@ def test_px4s_action_on_a_landing_ordered_outside_the_fence_is_reported():
     while not look.preflight.done:
         look.step()
     texts = [item.text for item in look.preflight.findings() if item.subject == "fence"]
-    assert "take a LAND that is ordered there back to that hold" in texts[0]
+    assert "replace a LAND that is ordered there by that hold" in texts[0]
 
 
 def test_an_uploaded_polygon_is_checked():
@@ -327,7 +327,7 @@ def test_a_take_off_place_beside_the_plane_is_a_warning(beside_m):
 def test_a_take_off_place_kilometres_from_the_plane_is_another_site():
     finding = Look(at_m=(27.0, 3000.0, 0.0)).findings()["position"]
     assert finding.level is NO_GO
-    assert "is it the right site file?" in finding.remedy
+    assert "load the right site file" in finding.remedy
 
 
 @pytest.mark.parametrize(
@@ -402,7 +402,7 @@ def test_a_condition_that_makes_the_service_refuse_an_inspection_is_a_no_go():
     found = look.findings()
     assert found["battery risk"].level is WARNING
     assert found["battery reserve"].level is NO_GO
-    assert "<= 20%: no inspection is flown so" in found["battery reserve"].text
+    assert "<= 20%: no inspection starts" in found["battery reserve"].text
 
 
 @pytest.mark.parametrize("cells", [3, 6])
@@ -410,7 +410,7 @@ def test_an_impossible_number_of_cells_is_a_no_go(cells):
     vehicle = replace(VEHICLE, risk=replace(VEHICLE.risk, cells=cells))
     finding = Look(vehicle=vehicle).findings()["battery 0"]
     assert finding.level is NO_GO
-    assert f"with {cells} cells, which cannot be" in finding.text
+    assert f"with {cells} cells, which is impossible" in finding.text
 
 
 def test_a_full_battery_of_fewer_cells_than_the_vehicle_file_has_is_not_to_be_charged():
@@ -505,7 +505,7 @@ def test_an_autopilot_whose_time_stamps_stay_behind_is_named():
     ("secret", "reason", "remedy"),
     [
         (None, "unsigned", "the key"),
-        (OTHER_SECRET, "wrong signature", "the key that signing names"),
+        (OTHER_SECRET, "wrong signature", "the key of `signing`"),
     ],
 )
 def test_an_autopilot_that_does_not_sign_as_configured_is_reported(secret, reason, remedy):

@@ -25,10 +25,10 @@ def found(*, cells=4, reported_cells=None, **figures):
         (0.9, 16.0, OK, "90%, 16.0 V, 4.00 V a cell"),
         (None, 16.0, OK, "charge unknown"),
         (0.9, None, NOTE, "voltage unknown"),
-        (1.0, 4.1, WARNING, "fed by USB"),
-        (1.0, 5.2, WARNING, "fed by USB"),
-        (0.9, 11.0, NO_GO, "2.75 V a cell with 4 cells, which cannot be"),
-        (0.9, 21.6, NO_GO, "5.40 V a cell with 4 cells, which cannot be"),
+        (1.0, 4.1, WARNING, "powered by USB"),
+        (1.0, 5.2, WARNING, "powered by USB"),
+        (0.9, 11.0, NO_GO, "2.75 V a cell with 4 cells, which is impossible"),
+        (0.9, 21.6, NO_GO, "5.40 V a cell with 4 cells, which is impossible"),
         (1.0, 12.6, WARNING, "3.15 V a cell with 4 cells, which is not the voltage of that charge"),
         (0.4, 16.8, WARNING, "4.20 V a cell with 4 cells, which is not the voltage of that charge"),
         (0.6, 16.4, NOTE, "60%, 16.4 V, 4.10 V a cell"),
@@ -49,7 +49,7 @@ def test_a_silent_battery_is_a_no_go_and_a_warning_beside_a_battery_that_reports
     nothing = found(remaining=None, voltage_v=None)
     assert (nothing.level, nothing.text) == (
         NO_GO,
-        "charge and voltage unknown: an empty one would not be seen",
+        "charge and voltage unknown: an empty battery would not be detected",
     )
     batteries = {
         number: Battery(
@@ -67,7 +67,7 @@ def test_a_silent_battery_is_a_no_go_and_a_warning_beside_a_battery_that_reports
 def test_the_number_of_cells_is_compared_with_that_of_the_battery(reported, level):
     finding = found(remaining=0.7, voltage_v=15.6, cells=4, reported_cells=reported)
     assert finding.level is level
-    assert (f"voltages of {reported} cells, and the vehicle file says 4" in finding.text) is (
+    assert (f"voltages of {reported} cells, the vehicle file has 4" in finding.text) is (
         level is NO_GO
     )
     assert ("correct risk.cells" in finding.remedy) is (level is NO_GO)

@@ -49,7 +49,7 @@ def found(fence, *, planner=PLANNER, home_m=HOME_M, margin_m=0.5):
 def test_a_fence_that_cuts_only_unused_space_is_kept_by_all_targets_and_routes():
     assert found(Fence(circle=circle(9.6), action="hold"), margin_m=0.5) == [
         (NOTE, "fence", "GF_MAX_HOR_DIST 9.6 m; outside the autopilot would hold"),
-        (OK, "fence", "all targets and ways keep 0.5 m from it"),
+        (OK, "fence", "all targets and routes keep 0.5 m from it"),
     ]
 
 
@@ -62,7 +62,7 @@ def test_a_target_outside_the_fence_is_a_no_go_and_the_others_are_not_named():
 def test_routes_that_an_exclusion_area_cuts_are_a_no_go():
     findings = found(Fence(areas=(keep_away(5.5, 0.5),)))
     assert findings[1:] == [
-        (NO_GO, "target far", f"{route}: no way inside exclusion circle 1, less 0.5 m")
+        (NO_GO, "target far", f"{route}: no path inside exclusion circle 1, less 0.5 m")
         for route in ("exit", "from near")
     ]
 
@@ -78,7 +78,7 @@ def test_a_landing_point_that_nothing_reaches_is_not_blamed_on_the_fence():
     site = make_site(floor, targets={"near": (2.5, 5.5)}, exits=[(1.5, -10.0)])
     planner = Planner(site, make_vehicle())
     findings = found(Fence(areas=(keep_away(8.5, 0.5),)), planner=planner)
-    assert findings[1:] == [(OK, "fence", "all targets and ways keep 0.5 m from it")]
+    assert findings[1:] == [(OK, "fence", "all targets and routes keep 0.5 m from it")]
 
 
 def test_fence_parameters_that_were_never_reported_are_a_warning():
@@ -95,7 +95,7 @@ def test_fence_parameters_that_were_never_reported_are_a_warning():
 
 def test_a_fence_about_an_unknown_home_is_a_no_go():
     unplaced = found(Fence(circle=circle(100.0)), home_m=None)
-    assert unplaced[1:] == [(NO_GO, "fence", "it counts from home, which is unknown")]
+    assert unplaced[1:] == [(NO_GO, "fence", "the fence is relative to home, and home is unknown")]
 
 
 def test_an_uploaded_area_needs_no_home():

@@ -56,7 +56,7 @@ def test_the_check_reports_the_same_findings_as_the_service_in_flight(policy, ki
         for item in found(kind, policy, **{name: value})
         if "to splice-inner" in item.text and item.level is (NO_GO if refused else WARNING)
     }
-    assert objection.startswith(("PX4 would ", "it would ", "ArduPilot brakes 0.5 < "))
+    assert objection.startswith(("PX4 would ", "ArduPilot would ", "ArduPilot brakes 0.5 < "))
     assert desk.said(objection)
 
 
@@ -72,7 +72,7 @@ def test_an_escape_route_is_warned_about_and_never_a_no_go():
 def test_an_autopilot_that_holds_hits_no_obstacle(kind):
     (finding,) = found(kind)
     assert finding.level is OK
-    assert finding.text == "the autopilot would hold, and hit nothing on any way of this site"
+    assert finding.text == "the autopilot would hold, no collision on any route of this site"
 
 
 def test_a_parameter_that_was_not_received_is_reported_as_by_the_service():

@@ -69,8 +69,8 @@ def test_a_risk_input_that_is_received_no_more_is_a_no_go():
     later = found((0.0, received), (60.0, received))
     for name in ("battery risk", "localization risk"):
         assert later[name].level is NO_GO
-        assert later[name].text.startswith("no input of it is received any more, ")
-        assert later[name].remedy.startswith("the autopilot has to report it")
+        assert later[name].text.startswith("no input is received any more, ")
+        assert later[name].remedy.startswith("set up the autopilot to report it")
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_a_risk_input_that_is_received_no_more_is_a_no_go():
 )
 def test_a_limit_of_the_supervisor_that_is_passed_is_a_no_go(cause, subject, remedy):
     finding = found((0.0, Telemetry()), causes=Causes(**{cause: "14 m"}))[subject]
-    assert (finding.level, finding.text) == (NO_GO, "14 m: no inspection is flown so")
+    assert (finding.level, finding.text) == (NO_GO, "14 m: no inspection starts")
     assert finding.remedy.startswith(remedy)
 
 

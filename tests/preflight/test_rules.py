@@ -121,25 +121,25 @@ def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked
     [
         ("half a second on the last setpoint", "COM_OF_LOSS_T", 0.5, OK, "8.8 m at 5 m/s"),
         ("PX4's default second", "COM_OF_LOSS_T", 1.0, WARNING, "8.8 m at 5 m/s"),
-        ("two seconds are long", "COM_OF_LOSS_T", 2.0, WARNING, "companion; set 0.5"),
+        ("two seconds are long", "COM_OF_LOSS_T", 2.0, WARNING, "companion failure; set 0.5"),
         ("a failed companion, as without sticks", "COM_OBL_RC_ACT", 0.0, OK, "by NAV_RCL_ACT"),
         ("a failed companion, return", "COM_OBL_RC_ACT", 3.0, WARNING, "climbs first"),
         ("a failed companion, land", "COM_OBL_RC_ACT", 4.0, OK, "4 (land)"),
         ("a failed companion, hold", "COM_OBL_RC_ACT", 5.0, OK, "5 (hold)"),
-        ("a failed companion, terminate", "COM_OBL_RC_ACT", 6.0, NO_GO, "it falls"),
-        ("a failed companion, disarm", "COM_OBL_RC_ACT", 7.0, NO_GO, "it falls"),
-        ("a value of a later PX4", "COM_OBL_RC_ACT", 9.0, WARNING, "9 (not known here, taken for"),
+        ("a failed companion, terminate", "COM_OBL_RC_ACT", 6.0, NO_GO, "the aircraft falls"),
+        ("a failed companion, disarm", "COM_OBL_RC_ACT", 7.0, NO_GO, "the aircraft falls"),
+        ("a value of a later PX4", "COM_OBL_RC_ACT", 9.0, WARNING, "9 (unknown value, taken as"),
         ("sticks do nothing in OFFBOARD", "COM_RC_OVERRIDE", 1.0, WARNING, "set 3"),
         ("sticks take over in OFFBOARD", "COM_RC_OVERRIDE", 2.0, OK, "in OFFBOARD, too"),
         ("a lost transmitter, hold", "NAV_RCL_ACT", 1.0, OK, "hold"),
         ("a lost transmitter, return", "NAV_RCL_ACT", 2.0, WARNING, "climbs first"),
-        ("a lost transmitter, below PX4's range", "NAV_RCL_ACT", 0.0, WARNING, "not known here"),
+        ("a lost transmitter, below PX4's range", "NAV_RCL_ACT", 0.0, WARNING, "unknown value"),
         ("a lost ground station, nothing", "NAV_DLL_ACT", 0.0, OK, "nothing"),
-        ("a lost transmitter, disarm", "NAV_RCL_ACT", 6.0, NO_GO, "it falls"),
-        ("a lost transmitter does not count", "COM_RCL_EXCEPT", 4.0, NOTE, "it does not"),
+        ("a lost transmitter, disarm", "NAV_RCL_ACT", 6.0, NO_GO, "the aircraft falls"),
+        ("a lost transmitter does not count", "COM_RCL_EXCEPT", 4.0, NOTE, "ignored"),
         ("a lost ground station, return", "NAV_DLL_ACT", 2.0, WARNING, "climbs first"),
         ("the fence, return", "GF_ACTION", 3.0, WARNING, "climbs first"),
-        ("the fence, terminate", "GF_ACTION", 4.0, NO_GO, "it falls"),
+        ("the fence, terminate", "GF_ACTION", 4.0, NO_GO, "the aircraft falls"),
         ("an empty battery, nothing", "COM_LOW_BAT_ACT", 0.0, NOTE, "until it falls"),
         ("an empty battery, return", "COM_LOW_BAT_ACT", 1.0, NOTE, "climbs first"),
         ("little flight time, return", "COM_FLTT_LOW_ACT", 3.0, WARNING, "set 1 (a warning)"),
@@ -147,11 +147,11 @@ def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked
         ("a longest flight time", "COM_FLT_TIME_MAX", 600.0, WARNING, "600 s, then return"),
         ("no longest flight time", "COM_FLT_TIME_MAX", -1.0, OK, "off"),
         ("strong wind, return", "COM_WIND_MAX_ACT", 3.0, WARNING, "climbs first"),
-        ("strong wind, terminate", "COM_WIND_MAX_ACT", 4.0, WARNING, "it falls"),
+        ("strong wind, terminate", "COM_WIND_MAX_ACT", 4.0, WARNING, "the aircraft falls"),
         ("an empty battery, PX4's default", "COM_LOW_BAT_ACT", 3.0, NOTE, "order the exit before"),
         ("critical before low", "BAT_LOW_THR", 0.05, WARNING, "5%"),
         ("PX4 acts before the companion", "BAT_CRIT_THR", 0.25, WARNING, "25%"),
-        ("slower than the vehicle file", "MPC_Z_VEL_MAX_UP", 1.0, WARNING, "asks for 3"),
+        ("slower than the vehicle file", "MPC_Z_VEL_MAX_UP", 1.0, WARNING, "requires 3"),
         ("a mute TELEM2", "MAV_1_FORWARD", 0.0, WARNING, "set 1"),
         ("no drag fusion", "EKF2_DRAG_CTRL", 0.0, NOTE, "from the lean"),
     ],
@@ -163,7 +163,11 @@ def test_each_parameter_of_px4_has_its_level_and_text(title, name, value, level,
 
 @pytest.mark.parametrize(
     ("lost", "level", "words"),
-    [(2.0, WARNING, "climbs first"), (3.0, OK, "0 (position mode"), (6.0, NO_GO, "it falls")],
+    [
+        (2.0, WARNING, "climbs first"),
+        (3.0, OK, "0 (position mode"),
+        (6.0, NO_GO, "the aircraft falls"),
+    ],
 )
 def test_px4s_default_offboard_loss_action_is_that_of_a_lost_transmitter(lost, level, words):
     finding = of_px4("COM_OBL_RC_ACT", 0.0, NAV_RCL_ACT=lost)
@@ -218,7 +222,7 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("ArduPilot's default of 3 s", "GUID_TIMEOUT", 3.0, WARNING, "29.5 m at 5 m/s"),
         ("a minute", "GUID_TIMEOUT", 60.0, NO_GO, "set 0.5"),
         ("half a second", "GUID_TIMEOUT", 0.5, OK, "17.0 m"),
-        ("brakes too softly", "WPNAV_ACCEL", 50.0, NO_GO, "0.5 m/s2, the vehicle file asks for"),
+        ("brakes too softly", "WPNAV_ACCEL", 50.0, NO_GO, "0.5 m/s2, the vehicle file requires"),
         ("climbs too softly", "WPNAV_ACCEL_Z", 50.0, NO_GO, "guidance.acceleration_mps2"),
         ("position is not held", "GUID_OPTIONS", 16.0, NO_GO, "clear bits 4 and 5"),
         ("velocity is not held", "GUID_OPTIONS", 32.0, NO_GO, "clear bits 4 and 5"),
@@ -226,13 +230,13 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("a lost transmitter, default", "FS_THR_ENABLE", 1.0, WARNING, "climbs first"),
         ("a lost transmitter, nothing", "FS_THR_ENABLE", 0.0, WARNING, "nothing"),
         ("a lost transmitter, land", "FS_THR_ENABLE", 3.0, OK, "land"),
-        ("a lost transmitter, smart return", "FS_THR_ENABLE", 5.0, OK, "the way it came, or land"),
+        ("a lost transmitter, smart return", "FS_THR_ENABLE", 5.0, OK, "on the flown path, or land"),
         ("a lost transmitter, perhaps smart", "FS_THR_ENABLE", 4.0, WARNING, "climbs first"),
         ("a lost transmitter, brake", "FS_THR_ENABLE", 7.0, OK, "brake"),
-        ("a lost transmitter does not count", "FS_OPTIONS", 20.0, NOTE, "it does not"),
+        ("a lost transmitter does not count", "FS_OPTIONS", 20.0, NOTE, "ignored"),
         ("a lost ground station, return", "FS_GCS_ENABLE", 1.0, WARNING, "climbs first"),
         ("a lost ground station, land", "FS_GCS_ENABLE", 5.0, OK, "land"),
-        ("a lost ground station, smart return", "FS_GCS_ENABLE", 4.0, OK, "the way it came"),
+        ("a lost ground station, smart return", "FS_GCS_ENABLE", 4.0, OK, "on the flown path"),
         ("a lost ground station, perhaps smart", "FS_GCS_ENABLE", 3.0, WARNING, "climbs first"),
         ("a lost estimator, report", "FS_EKF_ACTION", 0.0, NO_GO, "a report only"),
         ("a lost estimator, altitude hold", "FS_EKF_ACTION", 2.0, WARNING, "drifts"),
@@ -248,7 +252,7 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("no fence", "FENCE_ENABLE", 0.0, OK, "0 (off)"),
         ("no battery monitor", "BATT_MONITOR", 0.0, NO_GO, "set up the battery monitor"),
         ("a low battery, nothing", "BATT_FS_LOW_ACT", 0.0, NOTE, "nothing"),
-        ("a low battery, terminate", "BATT_FS_LOW_ACT", 5.0, NO_GO, "it falls"),
+        ("a low battery, terminate", "BATT_FS_LOW_ACT", 5.0, NO_GO, "the aircraft falls"),
         ("a critical battery, default", "BATT_FS_CRT_ACT", 0.0, NOTE, "until it falls"),
         ("a critical battery, return", "BATT_FS_CRT_ACT", 2.0, NOTE, "climbs first"),
         ("a critical battery, perhaps smart", "BATT_FS_CRT_ACT", 3.0, NOTE, "climbs first"),
@@ -257,7 +261,7 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("no critical threshold", "BATT_CRT_VOLT", 0.0, NOTE, "0 (none)"),
         ("slower than the vehicle file", "WPNAV_SPEED", 300.0, WARNING, "3 m/s"),
         ("height of the return in metres", "RTL_ALT", 1500.0, NOTE, "15 m"),
-        ("no drag coefficient", "EK3_DRAG_MCOEF", 0.0, NOTE, "the companion does"),
+        ("no drag coefficient", "EK3_DRAG_MCOEF", 0.0, NOTE, "the companion estimates it"),
     ],
 )
 def test_each_parameter_of_ardupilot_has_its_level_and_text(title, name, value, level, words):
@@ -274,7 +278,7 @@ def test_a_battery_action_without_a_threshold_is_ignored(stage):
     action, volts, charge = f"BATT_FS_{stage}_ACT", f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH"
     finding = of_ardupilot(action, 1.0, **{volts: 0.0})
     assert finding.level is WARNING
-    assert f"1 (land), but never: {volts} and {charge} are 0" in finding.text
+    assert f"1 (land), without effect: {volts} and {charge} are 0" in finding.text
     assert f"{volts} or {charge}" in finding.remedy
     assert of_ardupilot(action, 5.0, **{volts: 0.0}).level is NO_GO
     for received in ({charge: 500.0}, {volts: 14.0, charge: 0.0}, {charge: None}):

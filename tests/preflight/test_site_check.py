@@ -200,7 +200,7 @@ def test_cells_too_coarse_for_an_obstacle_are_reported():
     site = replace(SITE, obstacles=bare, workspace=coarse)
     finding = found(site, vehicle, exact)["obstacle left-lower"]
     assert finding.level is NO_GO
-    assert "0.6 m are to be kept clear" in finding.text
+    assert "required clearance 0.6 m" in finding.text
     assert "may be 0.00 m" in finding.text
     assert "obstacle left-lower" not in found(replace(SITE, obstacles=bare), vehicle, exact)
     assert "obstacle left-lower" not in found(site)

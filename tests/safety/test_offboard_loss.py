@@ -324,7 +324,7 @@ def test_the_height_of_a_return_is_that_of_px4(parameters, distance_m, height_m,
 @pytest.mark.parametrize("value", [1.0, 2.0, 3.0])
 def test_a_return_by_an_unknown_route_is_refused_anywhere(value):
     expected = (
-        "PX4 would return by an unknown way "
+        "PX4 would return, route unknown "
         "(on offboard loss; RTL_TYPE is not 0; set COM_OBL_RC_ACT 5)"
     )
     assert objection(loss(PX4, RTL_TYPE=value), (9.5, 9.5)) == expected
@@ -370,8 +370,10 @@ def test_a_stop_of_the_motors_is_refused_anywhere():
 
 
 def test_a_time_on_the_last_setpoint_that_allows_no_speed_is_refused_anywhere():
-    expected = "it would fly on for 60 s (on offboard loss; set GUID_TIMEOUT 0.5)"
-    assert objection(loss(ARDUPILOT, GUID_TIMEOUT=60.0), (9.5, 9.5)) == expected
+    remedy = "(on offboard loss; set GUID_TIMEOUT 0.5)"
+    for timeout_s, words in ((60.0, "60.0 s > 5"), (5.001, "over 5 s"), (1e6, "99999 s > 5")):
+        expected = f"ArduPilot would fly on {words} {remedy}"
+        assert objection(loss(ARDUPILOT, GUID_TIMEOUT=timeout_s), (9.5, 9.5)) == expected
 
 
 # Lag behind setpoints ---------------------------------------------------------------------------
