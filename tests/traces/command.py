@@ -37,8 +37,8 @@ def path(name: str) -> Path:
     return FOLDER / f"{name}.json.xz"
 
 
-def flown(name: str, renamed: dict[str, str], exact: bool) -> tuple[str, Trace, str, float]:
-    """A flight's name, its trace, the reason of a failure, and its processor time.
+def flown(name: str, renamed: dict[str, str], exact: bool) -> tuple[str, Trace, str, int, float]:
+    """A flight's name, trace, reason of a failure, number of setpoints, and processor time.
 
     exact: the flight is also replayed, and a difference counts as a failure.
     """
@@ -51,7 +51,8 @@ def flown(name: str, renamed: dict[str, str], exact: bool) -> tuple[str, Trace, 
         failed = f"not flown to its end: {error}"
     if exact:
         failed = "; ".join(filter(None, (failed, _parted(flight))))
-    return name, trace_of(flight, renamed), failed, time.process_time() - began_s
+    took_s = time.process_time() - began_s
+    return name, trace_of(flight, renamed), failed, len(flight.setpoints), took_s
 
 
 def _parted(flight: Lockstep) -> str:
@@ -101,12 +102,14 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"no flight is named {options.only!r}")
     pairs = [pair.split("=") for pair in options.renamed.split(",") if pair]
     fly = partial(flown, renamed={new: old for old, new in pairs}, exact=options.exact)
-    differing, spent_s = 0, 0.0
+    differing, setpoints, spent_s = 0, 0, 0.0
     with multiprocessing.get_context("spawn").Pool(options.workers) as pool:
-        for name, trace, failed, took_s in pool.imap(fly, names):
+        for name, trace, failed, count, took_s in pool.imap(fly, names):
             found = (make if options.do == "make" else compare)(name, trace, failed)
             differing, spent_s = differing + bool(found), spent_s + took_s
+            setpoints += count
             print("\n  ".join([f"{name}: {took_s:.1f} s", *found]), flush=True)  # noqa: T201
     bad = "not made" if options.do == "make" else "differ"
-    print(f"{len(names)} flights, {differing} {bad}, {spent_s:.0f} s of processor")  # noqa: T201
+    flights = f"{len(names)} flights with {setpoints} setpoints"
+    print(f"{flights}: {differing} {bad}, {spent_s:.0f} s of processor")  # noqa: T201
     return int(differing > 0)
