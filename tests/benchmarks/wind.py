@@ -208,7 +208,7 @@ def spread_of_drags() -> list[str]:
 def main() -> None:
     if (SHARED / "traces").exists():
         table(
-            "Recordings: told (m/s), mean ± standard deviation",
+            "Recordings: computed wind (m/s), mean ± standard deviation",
             "| recording | true | default drag | drag as simulated |",
             recordings(),
         )
@@ -217,12 +217,12 @@ def main() -> None:
     winds = " | ".join(f"{wind:g} m/s" for wind in WINDS_MPS)
     for title, head, rows in (
         (
-            "The default drag: what is told of a hover in 5, 8, 12, 15 m/s",
-            "| whose drag is | 5 | 8 | 12 | 15 |",
+            "The default drag: computed wind of a hover in 5, 8, 12, 15 m/s",
+            "| drag of | 5 | 8 | 12 | 15 |",
             spread_of_drags,
         ),
         (
-            "A step of the wind: until it is told within 15 % or 1 m/s (s)",
+            "A step of the wind: time until the error is within 15 % or 1 m/s (s)",
             "| autopilot | wind (m/s) | up | down |",
             followed,
         ),
@@ -233,7 +233,7 @@ def main() -> None:
         ),
         (
             "Calm air, legs of 2 and 5 m/s, jumps of the setpoint by 15 m (m/s; risk above rest)",
-            "| autopilot | true drag | fastest | told, p95 | greatest | risk | measured drag |",
+            "| autopilot | true drag | fastest | computed, p95 | greatest | risk | measured drag |",
             calm,
         ),
     ):
