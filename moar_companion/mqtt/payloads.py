@@ -324,6 +324,10 @@ class OrderPayload(BaseModel):
     nonce: Annotated[str, Field(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+$")]
 
 
+Order = OrderPayload
+"""The name by which programs import it that sign orders (configs/MQTT.md)."""
+
+
 class Reply(Part):
     """Answer to an order: the words of MAV_RESULT. final: false for IN_PROGRESS alone.
 
