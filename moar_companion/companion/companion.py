@@ -251,13 +251,6 @@ class Companion:
 
     def tick(self, now_s: float) -> None:
         """Runs one cycle, from received events to this instant's setpoint."""
-        self._cycle(now_s, is_last=False)
-
-    def shut_down(self, now_s: float) -> None:
-        """Runs the last cycle of the process: it ends the stream at rest, if still permitted."""
-        self._cycle(now_s, is_last=True)
-
-    def _cycle(self, now_s: float, *, is_last: bool) -> None:
         step_s = 0.0 if self._cycle_s is None else min(_LONGEST_STEP_S, now_s - self._cycle_s)
         if self._cycle_s is None:
             self._orders.await_autopilot(now_s)
@@ -270,13 +263,16 @@ class Companion:
         if self._executor.risk_monitor.note_accuracy(self.telemetry) or risk_due:
             self._executor.assess_risk(now_s)
         self._executor.rule(now_s)
-        if is_last:
-            self._executor.shut_down(now_s)
-            return
         self._transition(now_s)
         self._executor.route(now_s)
         self._executor.follow(now_s, step_s)
         self._emit(now_s)
+
+    def shut_down(self, now_s: float) -> None:
+        """Ends the setpoint stream at rest, if still permitted: the last cycle of the process."""
+        self._observe(now_s)
+        self._executor.rule(now_s)
+        self._executor.shut_down(now_s)
 
     # The stages of a cycle that are not the executor's
 
