@@ -7,9 +7,9 @@ from .model import PowerModel
 
 _CELL_V = (3.0, 4.4)
 """Voltage range of an intact lithium cell."""
-_FLIGHT_VOLTAGE_MIN_V = 5.5
-"""Least voltage of a flight battery. Below it USB (5.0 to 5.25 V, up to 5.5 V by its type C) powers
-the autopilot, which then reports a full battery; two empty cells have 6 V."""
+_FLIGHT_VOLTAGE_MIN_V = 5.3
+"""Least voltage of a flight battery. Below it USB (up to 5.25 V) powers the autopilot, which then
+reports a full battery; two empty cells have 6 V, and less under load."""
 
 
 def is_powered(battery: Battery) -> bool:
