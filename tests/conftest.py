@@ -98,7 +98,8 @@ def _import_counted_modules():
     for folder in sorted(_EVERY_CASE | _FIRST_CASES):
         package = importlib.import_module(f"moar_companion.{folder}")
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            importlib.import_module(module.name)
+            if not module.name.endswith("__main__"):
+                importlib.import_module(module.name)
 
 
 def _is_counted(item):
