@@ -112,7 +112,7 @@ NOTHING_FLOWN = PilotText(
 JUST_RELEASED = PilotText(
     pattern="released just now",
     actions=_REJECTED,
-    meaning="the order was sent before the operator received that control had ended",
+    meaning="the order was sent before the end of control was reported to the operator",
     remedy="order again",
 )
 NO_SITE = PilotText(
@@ -323,7 +323,7 @@ RETURNING = PilotText(
     meaning="the aircraft, blown off, flies back to its path",
 )
 NO_WAY_BACK = PilotText(
-    pattern="{m} m outside, no path back, take over",
+    pattern="{m} m outside, no path back: take over",
     meaning="the aircraft was blown off, and no free leg leads back",
     remedy="take over, and fly it back",
 )

@@ -117,7 +117,7 @@ def distance(value_m: float) -> str:
 
 
 def coordinate(value: float, digits: int = 1) -> str:
-    """A coordinate or a fraction as text, without decimals where they are all 0."""
+    """A coordinate or a fraction as text; 0 without decimals and sign."""
     shown = f"{value:.{digits}f}"
     return shown if float(shown) else "0"
 

@@ -89,7 +89,7 @@ class OffboardLoss:
     @property
     def objection_anywhere(self) -> str | None:
         """Reason why an offboard loss is unsafe anywhere; None if that depends on the place."""
-        fly_on = exceeds(f"{self.name} would fly on", self.timeout_s, _LONGEST_S, "s")
+        fly_on = exceeds(f"{self.name} flies on", self.timeout_s, _LONGEST_S, "s")
         if fly_on is not None:
             return f"{fly_on} (on offboard loss; {self.remedy})"
         if self.action is AutopilotAction.RETURN and self.home is None:

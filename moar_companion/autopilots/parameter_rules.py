@@ -17,7 +17,9 @@ from .offboard_loss import OffboardLoss, follows
 CLIMBS = "which climbs first, perhaps through conductors"
 CLIMBING = f"return, {CLIMBS}"
 FALLING = "motors off: the aircraft falls"
-UNTIL_IT_FALLS = "the companion exits before; without it the aircraft flies on until it falls"
+UNTIL_IT_FALLS = (
+    "the companion flies the exit before; without it the aircraft flies on until it falls"
+)
 _SHORT_S = 0.5
 """Offboard time-out that the manual requires, in s."""
 

@@ -227,7 +227,7 @@ def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
                 level=Level.NO_GO,
                 subject=name,
                 text="not received",
-                remedy="wait for a GPS fix; with a fix check the link's message rates",
+                remedy="check the link's message rates; a position needs a GPS fix first",
             )
             continue
         text = f"{rate_hz:.0f} Hz, longest pause {arrivals.longest_gap_s:.2f} s"

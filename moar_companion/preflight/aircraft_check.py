@@ -44,8 +44,8 @@ _VERSION_PERIOD_S = 1.0
 
 _REFUSAL_REMEDIES = {
     SigningRefusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), "
-    "or find an unknown sender",
-    SigningRefusal.WRONG: "give the sender the key of `signing`, or find an unknown sender",
+    "or find out who sends",
+    SigningRefusal.WRONG: "give the sender the key of `signing`, or find out who sends",
     SigningRefusal.OLD: "compare the sender's clock with this computer's; "
     "if both are right, the packets are a replay",
 }

@@ -87,7 +87,7 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
         return ""
     if item.voltage_v is not None and power.cells is None:
         return "; its time cannot be forecast without risk.cells of the vehicle file"
-    return f"; the companion exits {limits.exposure_reserve_s:g} s before"
+    return f"; the companion flies the exit {limits.exposure_reserve_s:g} s before"
 
 
 def _hits(planner: Planner, failsafe: Failsafes, routes: list[tuple[str, SiteRoute]]) -> str:

@@ -59,7 +59,7 @@ def test_an_obstacle_below_a_critical_battery_landing_is_named_with_a_remedy():
     assert finding.text.startswith("critical battery, BATT_FS_CRT_ACT 1 (land): it would hit ")
     assert "% of the plan to splice-inner" in finding.text
     assert "left-lower from 0% of the plan exit from splice-inner" in finding.text
-    assert finding.text.endswith("; the companion exits 30 s before")
+    assert finding.text.endswith("; the companion flies the exit 30 s before")
     assert finding.remedy == "set BATT_FS_CRT_ACT 0 (nothing)"
 
 
