@@ -17,7 +17,7 @@ from ..adaptation import Adaptation
 from ..autopilots import profile
 from ..config import CompanionConfig
 from ..contingency.route_cost import Outlook
-from ..estimation.pose import Pose
+from ..estimation.pose import Jump, Pose
 from ..estimation.pose_tracker import PoseTracker, SiteMaps, grounded
 from ..guidance.path_follower import Progress
 from ..mavlink.commands import CommandCancelled, DeniedCommand
@@ -88,6 +88,8 @@ class Companion:
         )
         self._start_report = StartReport(before)
         self._begin(site_maps)
+        self._ends = False
+        """True once the process ends, until the last cycle."""
         self._cycle_s: float | None = None
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
@@ -255,6 +257,11 @@ class Companion:
         if self._cycle_s is None:
             self._orders.await_autopilot(now_s)
         self._observe(now_s)
+        if self._ends:
+            self._ends = False
+            self._executor.rule(now_s)
+            self._executor.shut_down(now_s)
+            return
         self._cycle_s = now_s
         risk_due = now_s >= self._risk_due_s
         if risk_due:
@@ -269,10 +276,12 @@ class Companion:
         self._emit(now_s)
 
     def shut_down(self, now_s: float) -> None:
-        """Ends the setpoint stream at rest, if still permitted: the last cycle of the process."""
-        self._observe(now_s)
-        self._executor.rule(now_s)
-        self._executor.shut_down(now_s)
+        """Takes the end of the process, and runs the last cycle: the stream ends at rest.
+
+        It has no forecast and no risk, in which an error would cost the last setpoint.
+        """
+        self._ends = True
+        self.tick(now_s)
 
     # The stages of a cycle that are not the executor's
 
@@ -289,9 +298,8 @@ class Companion:
         if site_maps is not None:
             self._executor.take_maps(site_maps, now_s)
         self._seen_obstacles.update(now_s, on_ground=grounded(self.telemetry))
-        if jump is not None:
-            self._executor.shift(jump, now_s)
-        for event in self._session.events_received():
+        jumps = () if jump is None else (jump,)
+        for event in (*jumps, *self._session.events_received()):
             self._take_event(event, now_s)
         routes = self._executor.routes
         routes.limits.learn(self._session, self._pose_tracker.home_m, routes.flight, now_s)
@@ -372,8 +380,10 @@ class Companion:
 
     # Received events
 
-    def _take_event(self, event: Event, now_s: float) -> None:
+    def _take_event(self, event: Event | Jump, now_s: float) -> None:
         match event:
+            case Jump():
+                self._executor.shift(event, now_s)
             case CommandCancelled(command=command):
                 self._executor.withdraw(command.number)
             case DeniedCommand(reason=reason):
