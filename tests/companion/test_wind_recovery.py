@@ -138,7 +138,7 @@ def test_a_path_back_is_sought_every_five_seconds_and_an_operator_asked_every_te
         recovery.act(flight, here, status, Ruling(), 0.0, now_s)
     outside_m = place_m(flight)[0] - RIGHT_M
     assert sent.given_s == [100.0, 105.0, 110.0]
-    assert sent.texts == [(f"{outside_m:.1f} m outside, no path back, take over", "")] * 2
+    assert sent.texts == [(f"{outside_m:.1f} m outside, no path back: take over", "")] * 2
     assert not flight.recovers
 
 
