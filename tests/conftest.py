@@ -22,7 +22,7 @@ settings.register_profile(
 settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=10)
 settings.load_profile("repeatable")
 
-_EVERY_CASE = {"mavlink", "planning", "preflight", "survey"}
+_EVERY_CASE = {"mavlink", "mqtt", "planning", "preflight", "recording", "replay", "survey"}
 _FIRST_CASES = {
     "autopilots",
     "companion",
@@ -30,12 +30,9 @@ _FIRST_CASES = {
     "estimation",
     "guidance",
     "mission",
-    "mqtt",
     "perception",
     "planner",
     "power",
-    "recording",
-    "replay",
     "risk",
     "safety",
 }
@@ -48,13 +45,10 @@ _UNCOUNTED = {
     "companion/test_conditions.py",
     "companion/test_last_setpoint.py",
     "companion/test_leading_out.py",
-    "companion/test_mode_requester.py",
-    "companion/test_operator_commands.py",
     "companion/test_operator_commands_crossing.py",
     "companion/test_position.py",
     "companion/test_supervision.py",
     "companion/test_unmonitored.py",
-    "contingency/test_contingency_planner.py",
     "estimation/test_frame_agreement.py",
     "guidance/test_keep_out.py",
     "guidance/test_path_follower.py",
