@@ -183,3 +183,12 @@ def test_a_landing_by_the_autopilot_follows_a_setpoint_at_rest():
     desk.send_heartbeat(LAND)
     assert speed_mps(silent(desk)[-1]) == 0.0
     assert desk.state == "idle"
+
+
+def test_an_error_of_the_forecast_or_the_risk_does_not_cost_the_last_setpoint(monkeypatch):
+    desk = Desk().come_to("flying", then_s=3.0)
+    desk.now_s += 0.2  # both are due
+    for stage in ("look_ahead", "assess_risk"):
+        monkeypatch.setattr(desk.companion._executor, stage, lambda _now_s: 1 / 0)
+    shut_down(desk)
+    assert speed_mps(desk.setpoints()[-1]) == 0.0
