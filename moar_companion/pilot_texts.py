@@ -73,7 +73,7 @@ ON_COMMAND = PilotText(
     meaning="an order has ended the setpoint stream",
 )
 MODE_NOT_GIVEN = PilotText(
-    pattern="the mode was not given",
+    pattern="mode not given in {s} s",
     actions=("idle",),
     meaning="the pilot did not select OFFBOARD or GUIDED within `ready_timeout_s`",
     remedy="order `continue`, then select the mode",
@@ -269,9 +269,9 @@ CLOSE = PilotText(
     remedy="take over, and fly that way",
 )
 PLANNER_SILENT = PilotText(
-    pattern="the planner does not answer",
+    pattern="no plan in {s} s",
     actions=_NO_ESCAPE,
-    meaning="no plan came in time",
+    meaning="the planner did not answer in this time",
     remedy="order again; else see the log",
 )
 PLANNER_FAILED = PilotText(
@@ -339,8 +339,8 @@ MODE_KEPT = PilotText(
     remedy="select OFFBOARD or GUIDED",
 )
 MODE_REFUSED = PilotText(
-    pattern="the autopilot refused the mode",
-    meaning="the autopilot did not accept the requested mode",
+    pattern="mode request refused: {result}",
+    meaning="the autopilot did not accept the requested mode; its MAV_RESULT",
     remedy="see the autopilot's own text",
 )
 NO_LANDING = PilotText(

@@ -32,6 +32,7 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "way": ("fly SE", "descend"),
     "fault": ("disk full", "error 9999"),
     "refusal": ("unsigned", "wrong signature"),
+    "result": ("denied", "temporarily rejected"),
     "time": ("26 d", "99999 d"),
     "fraction": ("0.92", "1.00"),
     "value": ("7", "-3.4e+38"),

@@ -17,6 +17,7 @@ from moar_companion import autopilots
 from moar_companion.autopilots import PROFILES, profile
 from moar_companion.autopilots.failsafe_actions import LINKS, AutopilotAction, Trigger
 from moar_companion.mavlink import modes
+from moar_companion.mavlink.commands import result_words
 from moar_companion.mavlink.signing import SigningRefusal
 from moar_companion.mission.state_changes import state_words
 from moar_companion.mission.values import Order, Task, Verdict
@@ -115,6 +116,7 @@ PRODUCT = {
         action.noun
         for action in set(AutopilotAction) - {AutopilotAction.NONE, AutopilotAction.HOLD}
     ],
+    "result": [result_words(result) for result in range(256)],
     "refusal": [refusal.value for refusal in SigningRefusal],
     "s": [seconds(1e9)],
     "m": [distance(value) for value in (1e-9, 0.04, 99.96, 1e9)],

@@ -144,10 +144,7 @@ class Companion:
     def rule(self) -> Adaptation:
         """The adaptation of the present mission's weights; of the active plan, if it has one."""
         task = self.status.sought or self.status.task
-        mission = Mission.INSPECTION if task is None else task.mission
-        flight = self._executor.routes.flight
-        active = None if flight is None or flight.mission is not mission else flight.rule
-        return active or self._vehicle.rule(mission)
+        return self._executor.routes.rule(Mission.INSPECTION if task is None else task.mission)
 
     @property
     def weights(self) -> Weights:
@@ -162,8 +159,7 @@ class Companion:
     @property
     def outlook(self) -> Outlook | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
-        contingencies = self._executor.risk_monitor.contingencies
-        return None if contingencies is None else contingencies.outlook(self.risk.meter)
+        return self._executor.risk_monitor.outlook
 
     @property
     def perception_report(self) -> PerceptionReport | None:
@@ -183,10 +179,8 @@ class Companion:
     @property
     def clearance_m(self) -> float | None:
         """Distance from the aircraft's hull to the nearest obstacle; None where unknown."""
-        pose, site_maps = self._pose_tracker.pose, self._executor.routes.limits.site_maps
-        if pose is None or site_maps is None:
-            return None
-        return site_maps.clearance_m(pose, self._vehicle.radius_m)
+        pose, limits = self._pose_tracker.pose, self._executor.routes.limits
+        return None if pose is None else limits.clearance_m(pose)
 
     @property
     def progress(self) -> Progress | None:
@@ -201,11 +195,7 @@ class Companion:
         self._session.receive(link, data, now_s, address)
 
     def take_in(self, arrived: Sequence[Arrival], now_s: float) -> None:
-        """Takes all bytes that arrived on all links since the last cycle, in order of arrival.
-
-        Bytes from the autopilot's address or a stream are all read. Other bytes have a budget per
-        cycle; the rest is dropped, counted and reported.
-        """
+        """Takes all bytes since the last cycle; `intake` limits those of unknown senders."""
         precedence = self._session.precedence
         for time_s, link, data, address in self._intake.selected(arrived, precedence, now_s):
             self.receive(link, data, time_s, address)
@@ -363,8 +353,7 @@ class Companion:
 
     def contingency_jobs(self) -> list[PlanJob]:
         """Planning jobs for escape routes since the last call; lower priority than `plan_jobs`."""
-        contingencies = self._executor.risk_monitor.contingencies
-        return [] if contingencies is None else contingencies.jobs()
+        return self._executor.risk_monitor.contingency_jobs()
 
     def map_jobs(self) -> list[MapJob]:
         """Jobs for maps with other obstacles since the last call; one at a time."""

@@ -133,8 +133,7 @@ class CycleInputs:
         flight, pose = self._routes.flight, self._pose_tracker.pose
         site_maps = self._routes.limits.site_maps
         telemetry, risk = self._session.telemetry, self._risk_monitor.risk
-        contingencies = self._risk_monitor.contingencies
-        escape_route = None if contingencies is None else contingencies.escape_route(risk.meter)
+        escape_route = self._risk_monitor.escape_route
         room_m = None
         if site_maps is not None and pose is not None:
             room_m = site_maps.room_m(pose, self._vehicle.radius_m)

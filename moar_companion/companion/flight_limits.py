@@ -72,6 +72,12 @@ class FlightLimits:
             fence=self._fences.plane,
         )
 
+    def clearance_m(self, pose: Pose) -> float | None:
+        """Distance from the hull at a place to the nearest obstacle; None where unknown."""
+        if self.site_maps is None:
+            return None
+        return self.site_maps.clearance_m(pose, self._vehicle.radius_m)
+
     def learn_maps(self, site_maps: SiteMaps, flight: PathFollower | None, now_s: float) -> None:
         """Takes maps of the site with other obstacles; brakes where they bar the path ahead."""
         self.site_maps, self.obstacles_seen = site_maps, True

@@ -18,6 +18,7 @@ from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..site import PlanePoint
+from ..text_format import seconds
 from ..types import RiskIndices
 
 _ANSWER_TIMEOUT_S = 5.0
@@ -145,7 +146,7 @@ class PlanRequests:
             answer = PlanAnswer(
                 job_id=awaited.job.job_id,
                 plan=None,
-                reason=pilot_texts.PLANNER_SILENT(),
+                reason=pilot_texts.PLANNER_SILENT(s=seconds(_ANSWER_TIMEOUT_S)),
                 failed=True,
             )
         if awaited is None or answer is None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from .. import pilot_texts, service_texts
 from ..estimation.pose import Pose
-from ..mavlink.commands import CommandResult
+from ..mavlink.commands import CommandResult, result_words
 from ..mavlink.identity import AutopilotConflict
 from ..mavlink.peers import AutopilotElsewhere, PeerRefused
 from ..mavlink.session import CommandAnswered, Event, Session, Severity
@@ -61,7 +61,8 @@ class Reports:
         """Reports an event of the session to the operators."""
         match event:
             case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
-                self.send_text(Severity.WARNING, pilot_texts.MODE_REFUSED(), now_s)
+                text = pilot_texts.MODE_REFUSED(result=result_words(result))
+                self.send_text(Severity.WARNING, text, now_s)
             case AutopilotElsewhere(link=link, address=(host, port, *_)):
                 detail = f"port {port}, on {link}"
                 text = service_texts.AUTOPILOT_ELSEWHERE(host=host, detail=detail)

@@ -6,13 +6,15 @@ from collections import deque
 from collections.abc import Mapping
 
 from ..contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
+from ..contingency.route_cost import Outlook
 from ..estimation.pose_tracker import SiteMaps, grounded
 from ..guidance.flight_volume import FlightVolume
-from ..planning.plan_jobs import PlanAnswer
+from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
 from ..risk.wind import MOTOR_OUTPUT
+from ..safety.check_inputs import EscapeRoute
 from ..telemetry import Telemetry
 from ..types import Vector
 from ..vehicle import Vehicle
@@ -39,6 +41,18 @@ class RiskMonitor:
         self.accuracies: tuple[object, ...] = ()
         """Reports of position accuracy that were last noted."""
 
+    @property
+    def outlook(self) -> Outlook | None:
+        """Battery energy left, and demand of the remaining flight; None without a site."""
+        return None if self.contingencies is None else self.contingencies.outlook(self.risk.meter)
+
+    @property
+    def escape_route(self) -> EscapeRoute | None:
+        """The better escape route, and the flight time left after it; None while unknown."""
+        if self.contingencies is None:
+            return None
+        return self.contingencies.escape_route(self.risk.meter)
+
     def note_accuracy(self, telemetry: Telemetry) -> bool:
         """Takes reports of position accuracy; True if one is new: the next setpoint needs it."""
         before = self.accuracies
@@ -49,6 +63,10 @@ class RiskMonitor:
             telemetry.odometry,
         )
         return self.accuracies != before
+
+    def contingency_jobs(self) -> list[PlanJob]:
+        """Planning jobs of contingencies since the last call; none without a site."""
+        return [] if self.contingencies is None else self.contingencies.jobs()
 
     def contingency_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job, for the next cycle."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from ..adaptation import Adaptation
 from ..config import CompanionConfig
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import SiteMaps
@@ -73,6 +74,12 @@ class RouteManager:
     def braked(self) -> bool:
         """True while the flight comes to rest, or stands, before its plan's end."""
         return self.flight is not None and self.flight.braked
+
+    def rule(self, mission: Mission) -> Adaptation:
+        """The adaptation of a mission's weights: of the flight, if that is of this mission."""
+        flight = self.flight
+        flown = None if flight is None or flight.mission is not mission else flight.rule
+        return flown or self._vehicle.rule(mission)
 
     def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
         """Takes maps of the site with other obstacles."""

@@ -1,8 +1,7 @@
 """Commands from operators: COMMAND_LONG, COMMAND_INT and COMMAND_CANCEL to values. No I/O.
 
-| command | param1 | param2 | value | |---|---|---|---| | MAV_CMD_USER_1 (31010) | 0 to 4, see
-`_MISSIONS` | index | MissionCommand | | MAV_CMD_DO_PAUSE_CONTINUE (193) | 0 pause, 1 continue | |
-PauseContinue |
+MAV_CMD_USER_1 (31010), a `MissionCommand`: param1 0 to 4, see `_MISSIONS`; param2 the index.
+MAV_CMD_DO_PAUSE_CONTINUE (193), a `PauseContinue`: param1 0 pause, 1 continue.
 
 The companion answers every command addressed to it, unknown ones with UNSUPPORTED. Of commands to
 component 0 it answers only these two. Both autopilots broadcast commands for other components (PX4
@@ -48,6 +47,12 @@ class CommandResult(enum.IntEnum):
     IN_PROGRESS = 5
     """A final answer follows."""
     CANCELLED = 6
+
+
+def result_words(result: int) -> str:
+    """A MAV_RESULT as text: `temporarily rejected`; `result 9` where it has no name here."""
+    names = {known.value: known.name for known in CommandResult}
+    return names.get(result, f"result {result}").lower().replace("_", " ")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

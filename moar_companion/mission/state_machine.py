@@ -18,6 +18,7 @@ from .. import pilot_texts
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
+from ..text_format import seconds
 from ..types import Mission
 from .state_changes import (
     answer_cancelled,
@@ -254,7 +255,9 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
         # Only a mode received after the deadline counts: it may have been given before that.
         late = world.mode_received_s - status.since_s >= ready_timeout_s
         if late or world.tracking_lost:
-            reason = pilot_texts.MODE_NOT_GIVEN() if late else pilot_texts.PLACE_LEFT()
+            reason = pilot_texts.PLACE_LEFT()
+            if late:
+                reason = pilot_texts.MODE_NOT_GIVEN(s=seconds(ready_timeout_s))
             idle, effects = end_stream(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
             return replace(idle, task=None if status.hold_ordered else status.task), effects
     elif state is MissionState.FLYING and world.on_leg:

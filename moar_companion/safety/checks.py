@@ -2,8 +2,8 @@
 
 Inputs: observations, limits, time; output: the supervisor's `Causes`, as texts with the value. A
 required measurement that is missing is a cause. A reported value counts until the next one, at any
-age: only a measurement ends a cause. The checks are in `position_checks`, `autopilot_checks` and
-`energy_checks`; those of the companion itself are here.
+age: only a measurement ends a cause. Those of the position are in `position_checks`, of energy and
+wind in `energy_checks`; those of the autopilot and of the companion itself are here.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from ..config import Supervision
 from ..estimation.pose_tracker import airborne, grounded
 from ..risk.receivers import trouble
 from ..risk.wind import strongest
-from ..text_format import exceeds, limit_text, listed, reason_chars
+from ..telemetry import Telemetry
+from ..text_format import exceeds, limit_text, listed, reason_chars, seconds
 from ..types import Mission
-from . import autopilot_checks, energy_checks, link_age, position_checks
+from . import energy_checks, link_age, position_checks
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
 from .check_inputs import ROUTE_MAX_AGE_S, CheckInputs
 from .condition_types import Causes
@@ -26,7 +27,7 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
     """Returns all present reasons against a flight. off_path_m: the vehicle's."""
     telemetry, faults = seen.telemetry, seen.faults
     return Causes(
-        autopilot_identity=autopilot_checks.autopilot_identity(seen),
+        autopilot_identity=_autopilot_identity(seen),
         autopilot_link_lost=link_age.silence(telemetry, limits, now_s),
         mode_unconfirmed=link_age.mode_unconfirmed(telemetry, limits, now_s),
         position=position_checks.position(seen, limits, now_s),
@@ -37,8 +38,8 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         setpoint_rejected=faults.setpoint_rejected,
         failsafe_took_mode=taken_mode(telemetry),
         ground="on the ground" if grounded(telemetry) else None,
-        landing=autopilot_checks.mode_left(seen, landing=True),
-        pilot=autopilot_checks.mode_left(seen, landing=False),
+        landing=_mode_left(seen, landing=True),
+        pilot=_mode_left(seen, landing=False),
         battery_critical=energy_checks.battery_critical(seen),
         battery_failsafe=battery_failsafe(telemetry),
         failsafe_reported=holding_failsafe(telemetry, escaping=seen.escaping),
@@ -60,7 +61,7 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         ),
         control_saturated=energy_checks.control_saturated(seen),
         wind=energy_checks.wind(seen, limits.wind_limit_mps),
-        ground_link=autopilot_checks.ground_link(telemetry, limits, now_s),
+        ground_link=_ground_link(telemetry, limits, now_s),
         autopilot_fence=faults.autopilot_fence if seen.in_control else None,
         outside_workspace=seen.excursion if seen.in_control else None,
         off_path=position_checks.off_path(seen, off_path_m),
@@ -81,6 +82,35 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         if seen.in_control or airborne(telemetry, now_s)
         else None,
     )
+
+
+def _autopilot_identity(seen: CheckInputs) -> str | None:
+    """Text where not exactly one autopilot, of the expected kind, is received."""
+    autopilot = seen.telemetry.autopilot
+    if autopilot is None:
+        return "no autopilot is received"
+    if seen.conflict is not None:
+        return seen.conflict
+    if seen.expected not in (None, autopilot.kind):
+        return f"autopilot {autopilot.kind}, file {seen.expected}"
+    return None if autopilot.multirotor else "the vehicle is no multirotor"
+
+
+def _mode_left(seen: CheckInputs, *, landing: bool) -> str | None:
+    """Text for a mode that is not ours. landing: the companion has requested the landing."""
+    autopilot = seen.telemetry.autopilot
+    if not seen.in_control or autopilot is None or seen.landing is not landing:
+        return None
+    # The mode may have been left and given back between two cycles.
+    return seen.faults.pilot if autopilot.ours else f"autopilot in {autopilot.mode}"
+
+
+def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
+    """Text for a ground station that was received once and has sent nothing for too long."""
+    received = telemetry.ground_station
+    if received is None or now_s - received.received_s <= limits.ground_link_lost_s:
+        return None
+    return f"no ground station for {seconds(now_s - received.received_s)} s"
 
 
 def _plan(seen: CheckInputs, limit_s: float) -> str | None:

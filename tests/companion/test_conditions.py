@@ -159,7 +159,7 @@ def test_the_escape_route_is_requested_again_when_the_planner_is_silent_once():
     desk = Desk().come_to("flying", then_s=4.0)
     desk.set(plan_delay_s=None, battery_percent=15).run_until_sought("exit").run(5.1)
     assert desk.state == "holding"
-    assert desk.said("the planner does not answer, no exit")
+    assert desk.said("no plan in 5 s, no exit")
     desk.set(plan_delay_s=0.04).run(2.2)
     assert flown(desk) == "exit"
 

@@ -178,12 +178,15 @@ def test_a_mode_request_is_not_repeated_after_another_mode_or_a_failsafe(status)
     assert len(desk.mode_requests()) == 1
 
 
-def test_a_refused_mode_is_reported():
+@pytest.mark.parametrize(
+    ("result", "words"), [(DENIED, "denied"), (1, "temporarily rejected"), (9, "result 9")]
+)
+def test_a_refused_mode_is_reported_with_the_autopilots_result(result, words):
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     assert len(desk.mode_requests()) == 1
-    refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
+    refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, result, 0, 0, 1, 195)
     desk.handle(desk.autopilot.pack(refusal)).run(5.0)
-    assert [t for t in desk.texts() if "refused" in t] == ["MOAR: the autopilot refused the mode"]
+    assert [t for t in desk.texts() if "refused" in t] == [f"MOAR: mode request refused: {words}"]
     assert desk.state == "ready"
     assert len(desk.mode_requests()) == 1
 

@@ -173,7 +173,7 @@ def test_an_order_is_denied_when_the_planner_never_answers():
     assert desk.state == "planning"
     desk.run(0.3)
     assert (desk.state, desk.answers()) == ("idle", [IN_PROGRESS, DENIED])
-    assert desk.said("the planner does not answer")
+    assert desk.said("no plan in 5 s")
     desk.answer_plan().run(1.0)  # too late
     assert desk.state == "idle"
     assert not desk.setpoints()

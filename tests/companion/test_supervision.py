@@ -225,7 +225,7 @@ def test_the_hold_is_offered_for_thirty_seconds():
     ended = desk.now_s
     desk.run(5.0)
     assert not desk.setpoints(ended)
-    assert desk.said("the mode was not given")
+    assert desk.said("mode not given in 30 s, idle")
 
 
 @pytest.mark.slow

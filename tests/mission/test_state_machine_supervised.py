@@ -276,8 +276,8 @@ def test_without_an_escape_route_the_machine_holds_and_replans_every_two_seconds
 
 def test_after_a_planner_failure_the_same_escape_route_is_planned_again():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1)
-    flight.plan_failed("the planner does not answer", failed=True)
-    assert flight.said == ["MOAR: the planner does not answer, no exit"]
+    flight.plan_failed("no plan in 5 s", failed=True)
+    assert flight.said == ["MOAR: no plan in 5 s, no exit"]
     flight.tick(1.9)
     assert (flight.state, flight.sought) == ("holding", [])
     flight.tick(0.1)
