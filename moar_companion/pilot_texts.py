@@ -73,7 +73,7 @@ ON_COMMAND = PilotText(
     meaning="an order has ended the setpoint stream",
 )
 MODE_NOT_GIVEN = PilotText(
-    pattern="mode not given in {s} s",
+    pattern="mode not given in {limit} s",
     actions=("idle",),
     meaning="the pilot did not select OFFBOARD or GUIDED within `ready_timeout_s`",
     remedy="order `continue`, then select the mode",

@@ -280,9 +280,8 @@ def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLo
     fake ArduPilot (`tests/safety/test_offboard_loss.py`).
     """
     timeout_s = max(0.0, value["GUID_TIMEOUT"])
-    level_mps2, upright_mps2 = (
-        max(SOFT_MPS2, value[name] / 100.0) for name in ("WPNAV_ACCEL", "WPNAV_ACCEL_Z")
-    )
+    level_mps2 = max(SOFT_MPS2, value["WPNAV_ACCEL"] / 100.0)
+    upright_mps2 = max(SOFT_MPS2, value["WPNAV_ACCEL_Z"] / 100.0)
     shaping_s = max(
         level_mps2 / max(SOFT_MPS2, value["PSC_JERK_XY"]),
         upright_mps2 / max(SOFT_MPS2, value["PSC_JERK_Z"]),
@@ -293,6 +292,7 @@ def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLo
         action=AutopilotAction.HOLD,
         remedy="set GUID_TIMEOUT 0.5",
         timeout_s=timeout_s,
+        timeout_parameter="GUID_TIMEOUT",
         stopping_s=timeout_s + _DETECTION_S + max(0.0, _SHAPED * (shaping_s - _SHAPING_S)),
         stopping_s2pm=max(0.5 / (_LEVEL * level_mps2), 0.5 / upright_mps2),
         follows_mps2=min(level_mps2, upright_mps2),

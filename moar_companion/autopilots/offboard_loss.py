@@ -42,6 +42,8 @@ class OffboardLoss:
     """Setting that prevents the objections, for texts."""
     timeout_s: float | None
     """Time for which the autopilot moves the setpoint on; None: the setpoint stands."""
+    timeout_parameter: str = ""
+    """Parameter of that time, for texts."""
     stopping_s: float
     stopping_s2pm: float
     follows_mps2: float | None = None
@@ -89,9 +91,9 @@ class OffboardLoss:
     @property
     def objection_anywhere(self) -> str | None:
         """Reason why an offboard loss is unsafe anywhere; None if that depends on the place."""
-        fly_on = exceeds(f"{self.name} flies on", self.timeout_s, _LONGEST_S, "s")
-        if fly_on is not None:
-            return f"{fly_on} (on offboard loss; {self.remedy})"
+        long = exceeds(self.timeout_parameter, self.timeout_s, _LONGEST_S, "s")
+        if long is not None:
+            return f"{long} ({self.name} would fly on so long on offboard loss; {self.remedy})"
         if self.action is AutopilotAction.RETURN and self.home is None:
             why = f"{self.unknown_return}; "
             return self._against(f"{self.action.value}, route unknown", why=why)

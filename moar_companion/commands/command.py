@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from ..errors import LinkError
-from ..mavlink.commands import CommandResult
+from ..mavlink.commands import RESULT_NAMES, CommandResult
 from ..mavlink.modes import mode_name
 from ..mavlink.translate import autopilot_kind
 from ..mavlink.urls import parse_url
@@ -52,7 +52,6 @@ _RISKS = {
     "battery": "RISK_BATT",
 }
 _WEIGHTS = {"safety": "K_SAFETY", "time": "K_TIME", "energy": "K_ENERGY"}
-_RESULTS = {result.value: result.name for result in CommandResult}
 _ACTIVE = 4
 _ARMED = 128
 
@@ -153,7 +152,7 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
 def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> int:
     """Sends the order, prints the answer and, if refused, the reason; returns the exit status."""
     result = _answer(operator, order, index, timeout_s)
-    name = _RESULTS.get(result, f"REFUSED, result {result}")
+    name = RESULT_NAMES.get(result, f"REFUSED, result {result}")
     _print_line(f"{order}: {name}")
     if result == CommandResult.ACCEPTED:
         return 0
@@ -189,7 +188,7 @@ def _answer(operator: GroundStation, order: str, index: int, timeout_s: float) -
                 return result
             until_s = time.monotonic() + timeout_s
             if not in_progress:
-                _print_line(f"{order}: {_RESULTS[result]}")
+                _print_line(f"{order}: {RESULT_NAMES[result]}")
             in_progress = True
     raise LinkError(f"{order}: the companion has not answered for {timeout_s:g} s")
 

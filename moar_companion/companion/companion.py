@@ -88,8 +88,8 @@ class Companion:
         )
         self._start_report = StartReport(before)
         self._begin(site_maps)
-        self._ends = False
-        """True once the process ends, until the last cycle."""
+        self._is_last_cycle = False
+        """True in the cycle that ends the process."""
         self._cycle_s: float | None = None
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
@@ -144,7 +144,9 @@ class Companion:
     def rule(self) -> Adaptation:
         """The adaptation of the present mission's weights; of the active plan, if it has one."""
         task = self.status.sought or self.status.task
-        return self._executor.routes.rule(Mission.INSPECTION if task is None else task.mission)
+        return self._executor.routes.adaptation(
+            Mission.INSPECTION if task is None else task.mission
+        )
 
     @property
     def weights(self) -> Weights:
@@ -179,8 +181,7 @@ class Companion:
     @property
     def clearance_m(self) -> float | None:
         """Distance from the aircraft's hull to the nearest obstacle; None where unknown."""
-        pose, limits = self._pose_tracker.pose, self._executor.routes.limits
-        return None if pose is None else limits.clearance_m(pose)
+        return self._executor.routes.limits.clearance_m(self.pose)
 
     @property
     def progress(self) -> Progress | None:
@@ -195,7 +196,7 @@ class Companion:
         self._session.receive(link, data, now_s, address)
 
     def take_in(self, arrived: Sequence[Arrival], now_s: float) -> None:
-        """Takes all bytes since the last cycle; `intake` limits those of unknown senders."""
+        """Takes all bytes since the last cycle; `intake` limits all but the autopilot's."""
         precedence = self._session.precedence
         for time_s, link, data, address in self._intake.selected(arrived, precedence, now_s):
             self.receive(link, data, time_s, address)
@@ -242,17 +243,18 @@ class Companion:
         self._seen_obstacles.answered(answer)
 
     def tick(self, now_s: float) -> None:
-        """Runs one cycle, from received events to this instant's setpoint."""
+        """Runs one cycle, from received events to this instant's setpoint; `shut_down` the last."""
         step_s = 0.0 if self._cycle_s is None else min(_LONGEST_STEP_S, now_s - self._cycle_s)
         if self._cycle_s is None:
             self._orders.await_autopilot(now_s)
         self._observe(now_s)
-        if self._ends:
-            self._ends = False
+        if self._is_last_cycle:
+            self._is_last_cycle = False
             self._executor.rule(now_s)
             self._executor.shut_down(now_s)
             return
         self._cycle_s = now_s
+        self._executor.risk_monitor.take_answers(self._executor.routes.limits.volume)
         risk_due = now_s >= self._risk_due_s
         if risk_due:
             self._risk_due_s = now_s + _RISK_PERIOD_S
@@ -266,11 +268,11 @@ class Companion:
         self._emit(now_s)
 
     def shut_down(self, now_s: float) -> None:
-        """Takes the end of the process, and runs the last cycle: the stream ends at rest.
+        """Runs the last cycle of the process: ends the stream at rest, if still permitted.
 
-        It has no forecast and no risk, in which an error would cost the last setpoint.
+        Forecast and risks are not updated in it: an error there would cost the last setpoint.
         """
-        self._ends = True
+        self._is_last_cycle = True
         self.tick(now_s)
 
     # The stages of a cycle that are not the executor's
@@ -293,7 +295,6 @@ class Companion:
             self._take_event(event, now_s)
         routes = self._executor.routes
         routes.limits.learn(self._session, self._pose_tracker.home_m, routes.flight, now_s)
-        self._executor.risk_monitor.take_answers(routes.limits.volume)
 
     def _transition(self, now_s: float) -> None:
         """Steps the mission machine: with the planner's answer, the ruling, and orders."""

@@ -72,9 +72,9 @@ class FlightLimits:
             fence=self._fences.plane,
         )
 
-    def clearance_m(self, pose: Pose) -> float | None:
+    def clearance_m(self, pose: Pose | None) -> float | None:
         """Distance from the hull at a place to the nearest obstacle; None where unknown."""
-        if self.site_maps is None:
+        if pose is None or self.site_maps is None:
             return None
         return self.site_maps.clearance_m(pose, self._vehicle.radius_m)
 

@@ -75,7 +75,7 @@ class RouteManager:
         """True while the flight comes to rest, or stands, before its plan's end."""
         return self.flight is not None and self.flight.braked
 
-    def rule(self, mission: Mission) -> Adaptation:
+    def adaptation(self, mission: Mission) -> Adaptation:
         """The adaptation of a mission's weights: of the flight, if that is of this mission."""
         flight = self.flight
         flown = None if flight is None or flight.mission is not mission else flight.rule

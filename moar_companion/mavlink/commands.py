@@ -49,10 +49,12 @@ class CommandResult(enum.IntEnum):
     CANCELLED = 6
 
 
+RESULT_NAMES = {result.value: result.name for result in CommandResult}
+
+
 def result_words(result: int) -> str:
     """A MAV_RESULT as text: `temporarily rejected`; `result 9` where it has no name here."""
-    names = {known.value: known.name for known in CommandResult}
-    return names.get(result, f"result {result}").lower().replace("_", " ")
+    return RESULT_NAMES.get(result, f"result {result}").lower().replace("_", " ")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

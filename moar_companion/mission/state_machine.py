@@ -18,7 +18,7 @@ from .. import pilot_texts
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
-from ..text_format import seconds
+from ..text_format import limit_text
 from ..types import Mission
 from .state_changes import (
     answer_cancelled,
@@ -257,7 +257,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
         if late or world.tracking_lost:
             reason = pilot_texts.PLACE_LEFT()
             if late:
-                reason = pilot_texts.MODE_NOT_GIVEN(s=seconds(ready_timeout_s))
+                reason = pilot_texts.MODE_NOT_GIVEN(limit=limit_text(ready_timeout_s))
             idle, effects = end_stream(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
             return replace(idle, task=None if status.hold_ordered else status.task), effects
     elif state is MissionState.FLYING and world.on_leg:

@@ -7,9 +7,11 @@ from .model import PowerModel
 
 _CELL_V = (3.0, 4.4)
 """Voltage range of an intact lithium cell."""
+USB_MAX_V = 5.5
+"""Highest voltage of USB, by its type C; of other USB 5.25 V. With it an autopilot reports a full
+battery."""
 _FLIGHT_VOLTAGE_MIN_V = 5.3
-"""Least voltage of a flight battery. Below it USB (up to 5.25 V) powers the autopilot, which then
-reports a full battery; two empty cells have 6 V, and less under load."""
+"""Least voltage of a battery whose report counts in flight: two cells may have it under load."""
 
 
 def is_powered(battery: Battery) -> bool:

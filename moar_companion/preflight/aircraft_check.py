@@ -44,8 +44,8 @@ _VERSION_PERIOD_S = 1.0
 
 _REFUSAL_REMEDIES = {
     SigningRefusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), "
-    "or find out who sends",
-    SigningRefusal.WRONG: "give the sender the key of `signing`, or find out who sends",
+    "or find the sender",
+    SigningRefusal.WRONG: "give the sender the key of `signing`, or find the sender",
     SigningRefusal.OLD: "compare the sender's clock with this computer's; "
     "if both are right, the packets are a replay",
 }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from ..power.cells import is_of_cells, is_powered
+from ..power.cells import USB_MAX_V, is_of_cells, is_powered
 from ..risk_model import RiskModel
 from ..telemetry import Battery, Telemetry
 from .findings import Finding, Level
 
+_FEW_CELLS = (1, 2)
+"""Numbers of cells whose empty battery may have the voltage of USB."""
 _HIGH_CHARGE = 0.8
 _HIGH_CELL_V = 4.0
 """Voltage of a lithium-polymer cell at rest at about that charge."""
@@ -61,7 +63,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
     if voltage_v is None:
         return _charged(subject, f"{charge}, voltage unknown", risk, Level.NOTE)
     text = f"{charge}, {voltage_v:.1f} V"
-    if not is_powered(battery):
+    if not is_powered(battery) or (voltage_v <= USB_MAX_V and cells not in _FEW_CELLS):
         return Finding(
             level=Level.WARNING,
             subject=subject,

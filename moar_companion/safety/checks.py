@@ -3,7 +3,8 @@
 Inputs: observations, limits, time; output: the supervisor's `Causes`, as texts with the value. A
 required measurement that is missing is a cause. A reported value counts until the next one, at any
 age: only a measurement ends a cause. Those of the position are in `position_checks`, of energy and
-wind in `energy_checks`; those of the autopilot and of the companion itself are here.
+wind in `energy_checks`, of the link in `link_age`, of the autopilot's failsafes in
+`autopilot_failsafe`; the others are here.
 """
 
 from __future__ import annotations

@@ -95,8 +95,8 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "PX4 would hit {tower|MMMMMMMMMMMMMM..}",
         "PX4 would return, route unknown",
         "PX4 would stop its motors",
-        "ArduPilot flies on {9.0|99999} s > {5}",
-        "ArduPilot flies on over {5} s",
+        "GUID_TIMEOUT {9.0|99999} s > {5}",
+        "GUID_TIMEOUT over {5} s",
         "ArduPilot brakes {0.5|0.123} < {1|19.9} m/s2",
     ),
     "position_jump": (

@@ -229,7 +229,7 @@ def test_a_full_disk_rejects_inspections_and_low_memory_also_begins_an_exit(pres
     desk.companion.note_host(host)
     desk.run(6.0)
     # Without disk space the flight continues unrecorded. With low memory the system may kill the
-    # service at any time, so the companion exits.
+    # service at any time, so the companion flies the exit.
     assert flown(desk) == ("exit" if pressed == "memory" else "inspection")
     desk.order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED

@@ -185,10 +185,12 @@ def test_a_landing_by_the_autopilot_follows_a_setpoint_at_rest():
     assert desk.state == "idle"
 
 
-def test_an_error_of_the_forecast_or_the_risk_does_not_cost_the_last_setpoint(monkeypatch):
+def test_the_last_setpoint_needs_no_new_forecast_and_no_new_risk(monkeypatch):
     desk = Desk().come_to("flying", then_s=3.0)
     desk.now_s += 0.2  # both are due
+    executor = desk.companion._executor
     for stage in ("look_ahead", "assess_risk"):
-        monkeypatch.setattr(desk.companion._executor, stage, lambda _now_s: 1 / 0)
+        monkeypatch.setattr(executor, stage, lambda _now_s: 1 / 0)
+    monkeypatch.setattr(executor.risk_monitor, "take_answers", lambda _volume: 1 / 0)
     shut_down(desk)
     assert speed_mps(desk.setpoints()[-1]) == 0.0

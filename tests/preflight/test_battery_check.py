@@ -27,6 +27,7 @@ def found(*, cells=4, reported_cells=None, **figures):
         (0.9, None, NOTE, "voltage unknown"),
         (1.0, 4.1, WARNING, "powered by USB"),
         (1.0, 5.2, WARNING, "powered by USB"),
+        (1.0, 5.5, WARNING, "powered by USB"),
         (0.9, 11.0, NO_GO, "2.75 V a cell with 4 cells, which is impossible"),
         (0.9, 21.6, NO_GO, "5.40 V a cell with 4 cells, which is impossible"),
         (1.0, 12.6, WARNING, "3.15 V a cell with 4 cells, which is not the voltage of that charge"),
@@ -43,6 +44,15 @@ def test_a_battery_is_judged_by_its_charge_and_voltage(remaining, voltage_v, lev
     assert finding.subject == "battery 0"
     assert (finding.level, words in finding.text) == (level, True), finding.text
     assert bool(finding.remedy) is (level >= WARNING)
+
+
+@pytest.mark.parametrize(
+    ("cells", "level", "words"),
+    [(None, WARNING, "powered by USB"), (2, NO_GO, "2.70 V a cell with 2 cells")],
+)
+def test_the_voltage_of_usb_may_be_that_of_two_empty_cells(cells, level, words):
+    finding = found(cells=cells, remaining=1.0, voltage_v=5.4)
+    assert (finding.level, words in finding.text) == (level, True), finding.text
 
 
 def test_a_silent_battery_is_a_no_go_and_a_warning_beside_a_battery_that_reports():

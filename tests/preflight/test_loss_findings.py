@@ -57,7 +57,7 @@ def test_the_check_reports_the_same_findings_as_the_service_in_flight(policy, ki
         if "to splice-inner" in item.text and item.level is (NO_GO if refused else WARNING)
     }
     assert objection.startswith(
-        ("PX4 would ", "ArduPilot would ", "ArduPilot flies on ", "ArduPilot brakes 0.5 < ")
+        ("PX4 would ", "ArduPilot would ", "GUID_TIMEOUT 60.0 s > 5", "ArduPilot brakes 0.5 < ")
     )
     assert desk.said(objection)
 

@@ -263,6 +263,11 @@ STORIES = [
         {"unmonitored": "unknown: battery"},
     ),
     (
+        "two cells under load, with a voltage that USB may have",
+        drains(remaining=0.1, voltage_v=5.4),
+        {"battery_reserve": "battery 0 at 10% <= 20%"},
+    ),
+    (
         "a battery of which nothing is told but its voltage",
         drains(remaining=None, charge_state=None),
         {"unmonitored": "unknown: battery"},
