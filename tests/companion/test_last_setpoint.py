@@ -18,7 +18,7 @@ from moar_companion.safety.condition_types import Action
 from moar_companion.safety.conditions import CONDITIONS
 
 from ..mavlink.peer import Peer
-from .desk import AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
+from .desk import ACTIVE, AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
 
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 LAND = 0x06040000
@@ -194,3 +194,53 @@ def test_the_last_setpoint_needs_no_new_forecast_and_no_new_risk(monkeypatch):
     monkeypatch.setattr(executor.risk_monitor, "take_answers", lambda _volume: 1 / 0)
     shut_down(desk)
     assert speed_mps(desk.setpoints()[-1]) == 0.0
+
+
+def test_shutting_down_sends_a_last_setpoint_at_rest():
+    desk = Desk().come_to("flying", then_s=3.0)
+    assert desk.setpoints()[-1].vz != 0.0 or desk.setpoints()[-1].vy != 0.0
+    shut_down(desk)
+    before, last = desk.setpoints()[-2:]
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    assert math.dist((last.x, last.y, last.z), (before.x, before.y, before.z)) < 1e-6
+
+
+def test_shutting_down_in_silence_sends_nothing():
+    desk = Desk().come_to("flying").send_heartbeat(POSCTL).run(1.0)
+    count = len(desk.sent)
+    shut_down(desk)
+    assert len(desk.sent) == count
+
+
+@pytest.mark.parametrize(
+    ("case", "mode", "status"),
+    [
+        ("a failsafe in the same cycle", AUTO_HOLD, CRITICAL),
+        ("the pilot in the same cycle", POSCTL, ACTIVE),
+    ],
+)
+def test_shutting_down_sends_no_last_setpoint_when_the_autopilot_has_left(case, mode, status):
+    desk = Desk().come_to("flying", then_s=3.0)
+    desk.plan_delay_s = None
+    began = desk.now_s
+    desk.send_heartbeat(mode, status).now_s += 0.01
+    shut_down(desk)
+    assert not desk.setpoints(began), case
+
+
+def test_shutting_down_with_old_data_sends_no_last_setpoint():
+    desk = Desk().come_to("flying", then_s=3.0)
+    began = desk.now_s
+    desk.now_s += 60.0
+    shut_down(desk)
+    assert not desk.setpoints(began)
+
+
+def test_the_last_setpoint_is_at_the_previous_one_wherever_the_aircraft_is():
+    desk = Desk().come_to("flying", then_s=3.0)
+    desk.fall_behind(0.0, 0.4, 0.0)
+    before = desk.setpoints()[-1]
+    desk.order(RELEASE).step()
+    last = desk.setpoints()[-1]
+    assert (last.x, last.y, last.z, last.yaw) == (before.x, before.y, before.z, before.yaw)
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Late cycles of the shell: packets that command motion are dropped."""
+"""Late cycles and pauses of the shell: packets that command motion are dropped."""
 
 from __future__ import annotations
 
@@ -148,3 +148,24 @@ def test_after_a_jump_the_late_last_setpoint_moves_with_the_jump():
     last = desk.run(0.2).setpoints()[-1]
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
     assert last.z - before.z == pytest.approx(-2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
+def test_after_a_pause_of_the_shell_no_setpoint_is_sent(state):
+    desk = Desk().come_to(state)
+    began = desk.now_s
+    desk.step(1.5)  # data that waited in the sockets is old, but looks new
+    desk.run(5.0)
+    assert desk.state == "released"
+    assert desk.said("control loop stalled 1.5 s")
+    assert not desk.setpoints(began)
+
+
+def test_a_late_shell_does_not_make_the_setpoint_jump():
+    desk = Desk().come_to("flying", then_s=4.0)
+    before = desk.setpoints()[-1]
+    desk.now_s += 0.4  # the process was delayed
+    desk.step()
+    after = desk.setpoints()[-1]
+    moved = math.dist((before.x, before.y, before.z), (after.x, after.y, after.z))
+    assert moved <= 0.7 * 0.1 + 1e-6

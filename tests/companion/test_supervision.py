@@ -14,14 +14,12 @@ from ..copies import flown_once
 from ..mavlink.peer import Peer
 from .desk import (
     ACCEPTED,
-    ACTIVE,
     AUTO_HOLD,
     CRITICAL,
     EVACUATION,
     INSPECTION,
     OFFBOARD,
     POSCTL,
-    RELEASE,
     TEMPORARILY_REJECTED,
     Desk,
 )
@@ -409,81 +407,6 @@ def test_a_shorter_position_timeout_is_kept():
     desk.mute = {"LOCAL_POSITION_NED"}
     desk.run(0.3)
     assert desk.state == "released"
-
-
-def test_shutting_down_sends_a_last_setpoint_at_rest():
-    desk = Desk().come_to("flying", then_s=3.0)
-    assert desk.setpoints()[-1].vz != 0.0 or desk.setpoints()[-1].vy != 0.0
-    desk.companion.shut_down(desk.now_s)
-    desk.take_what_is_sent()
-    before, last = desk.setpoints()[-2:]
-    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
-    assert math.dist((last.x, last.y, last.z), (before.x, before.y, before.z)) < 1e-6
-
-
-def test_shutting_down_in_silence_sends_nothing():
-    desk = Desk().come_to("flying").send_heartbeat(POSCTL).run(1.0)
-    count = len(desk.sent)
-    desk.companion.shut_down(desk.now_s)
-    desk.take_what_is_sent()
-    assert len(desk.sent) == count
-
-
-@pytest.mark.parametrize(
-    ("case", "mode", "status"),
-    [
-        ("a failsafe in the same breath", AUTO_HOLD, CRITICAL),
-        ("the pilot in the same breath", POSCTL, ACTIVE),
-    ],
-)
-def test_shutting_down_sends_no_last_setpoint_when_the_autopilot_has_left(case, mode, status):
-    desk = Desk().come_to("flying", then_s=3.0)
-    desk.plan_delay_s = None
-    began = desk.now_s
-    desk.send_heartbeat(mode, status).companion.shut_down(desk.now_s + 0.01)
-    desk.now_s += 0.01
-    desk.take_what_is_sent()
-    assert not desk.setpoints(began), case
-
-
-def test_shutting_down_with_old_data_sends_no_last_setpoint():
-    desk = Desk().come_to("flying", then_s=3.0)
-    began = desk.now_s
-    desk.now_s += 60.0
-    desk.companion.shut_down(desk.now_s)
-    desk.take_what_is_sent()
-    assert not desk.setpoints(began)
-
-
-def test_the_last_setpoint_is_at_the_previous_one_wherever_the_aircraft_is():
-    desk = Desk().come_to("flying", then_s=3.0)
-    desk.fall_behind(0.0, 0.4, 0.0)
-    before = desk.setpoints()[-1]
-    desk.order(RELEASE).step()
-    last = desk.setpoints()[-1]
-    assert (last.x, last.y, last.z, last.yaw) == (before.x, before.y, before.z, before.yaw)
-    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
-def test_after_a_pause_of_the_shell_no_setpoint_is_sent(state):
-    desk = Desk().come_to(state)
-    began = desk.now_s
-    desk.step(1.5)  # data that waited in the sockets is old, but looks new
-    desk.run(5.0)
-    assert desk.state == "released"
-    assert desk.said("control loop stalled 1.5 s")
-    assert not desk.setpoints(began)
-
-
-def test_a_late_shell_does_not_make_the_setpoint_jump():
-    desk = Desk().come_to("flying", then_s=4.0)
-    before = desk.setpoints()[-1]
-    desk.now_s += 0.4  # the process was delayed
-    desk.step()
-    after = desk.setpoints()[-1]
-    moved = math.dist((before.x, before.y, before.z), (after.x, after.y, after.z))
-    assert moved <= 0.7 * 0.1 + 1e-6
 
 
 def test_a_heading_that_is_no_number_is_held_and_never_sent():
