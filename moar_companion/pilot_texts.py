@@ -322,7 +322,7 @@ RETURNING = PilotText(
     actions=("returning",),
     meaning="the aircraft, blown off, flies back to its path",
 )
-NO_WAY_BACK = PilotText(
+NO_PATH_BACK = PilotText(
     pattern="{m} m outside, no path back: take over",
     meaning="the aircraft was blown off, and no free leg leads back",
     remedy="take over, and fly it back",

@@ -238,13 +238,13 @@ def _summary(findings: list[Finding], *, files: bool, seen: bool) -> str:
 
     levels = [finding.level for finding in findings]
     stopping, warnings = levels.count(Level.NO_GO), levels.count(Level.WARNING)
-    unseen = [] if seen or files else ["no aircraft was looked at"]
+    unseen = [] if seen or files else ["no aircraft was checked"]
     if stopping or unseen:
         words = [_counted(stopping, "finding"), _counted(warnings, "warning"), *unseen]
         return f"NO-GO: {', '.join(words)}"
     words = [_counted(warnings, "warning")] if warnings else []
     if files:
-        words.append("the aircraft was not looked at")
+        words.append("the aircraft was not checked")
     return ("FILES OK" if files else "GO") + (f": {', '.join(words)}" if words else "")
 
 

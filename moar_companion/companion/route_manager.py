@@ -29,7 +29,7 @@ from .plan_reports import PlanReports
 from .plan_requests import Awaited, PlanRequests
 from .reports import Reports
 
-_NO_WAY_ROUND = "no path round "
+_NO_PATH_ROUND = "no path round "
 _STANDS_FOR_S = 1.0
 """Time between two attempts to resume when the flight was stopped and no condition holds it."""
 _ENDS_AFTER_S = 5.0
@@ -94,7 +94,7 @@ class RouteManager:
             obstacle = self.flight.barred_by
         if obstacle is None:
             return None
-        return _NO_WAY_ROUND + short_name(obstacle, reason_chars("holding") - len(_NO_WAY_ROUND))
+        return _NO_PATH_ROUND + short_name(obstacle, reason_chars("holding") - len(_NO_PATH_ROUND))
 
     def note_no_detour(self) -> bool:
         """Notes a search that found no plan; brakes and returns True if the maps bar the path."""

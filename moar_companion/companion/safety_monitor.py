@@ -140,4 +140,4 @@ def _is_past(item: Acting) -> bool:
 def _before_control(item: Acting) -> bool:
     """True if the condition only prevents a start: the answer to the order reports it."""
     row = item.condition
-    return row.action is Action.CONTINUE and row.override is Override.NOBODY
+    return row.action is Action.CONTINUE and row.override is Override.NONE

@@ -69,7 +69,7 @@ class WindRecovery:
                 Severity.WARNING, flight.recovery_text, now_s, action="returning"
             )
         else:
-            reason = pilot_texts.NO_WAY_BACK(m=distance(flight.path.outside_m))
+            reason = pilot_texts.NO_PATH_BACK(m=distance(flight.path.outside_m))
             self._reports.send_text(Severity.WARNING, reason, now_s)
 
     def _report_drift(self, flight: PathFollower, pose: Pose, now_s: float) -> None:

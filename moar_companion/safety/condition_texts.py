@@ -198,7 +198,7 @@ def action_words(row: Condition, text: str) -> str:
         return "rejected"
     if row.action is Action.RELEASE:
         return row.rest.words
-    if row.action is Action.CONTINUE and row.override is Override.NOBODY:
+    if row.action is Action.CONTINUE and row.override is Override.NONE:
         return "rejected"
     return row.action.words
 
@@ -206,7 +206,7 @@ def action_words(row: Condition, text: str) -> str:
 def all_actions(row: Condition) -> set[str]:
     """Every action that can be sent with a condition's texts."""
     words = {"over", row.rest.words if row.action is Action.RELEASE else row.action.words}
-    if row.action >= Action.HOLD or row.override is Override.NOBODY:
+    if row.action >= Action.HOLD or row.override is Override.NONE:
         words |= {"rejected", "failed", "idle"}
     if row.action in {Action.EXIT, Action.EVACUATION}:
         words |= {"exiting", "evacuating", "holding"}

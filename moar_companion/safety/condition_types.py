@@ -42,7 +42,7 @@ _WORDS = {
 class Override(enum.Enum):
     """Orders that are carried out although a condition acts."""
 
-    NOBODY = "no order"
+    NONE = "no order"
     SAFER = "a hold, an exit or an evacuation that is ordered"
     ORDER = "any new order"
 
@@ -122,7 +122,7 @@ class Condition:
     after_s: float = 0.0
     over_s: float = 0.0
     latched: bool = False
-    override: Override = Override.NOBODY
+    override: Override = Override.NONE
     last_setpoint: bool = True
     rest: MissionState = MissionState.RELEASED
 
@@ -130,4 +130,4 @@ class Condition:
         """True if this mission must not be ordered while the condition lasts."""
         if self.override is Override.SAFER:
             return mission is Mission.INSPECTION
-        return self.override is Override.NOBODY
+        return self.override is Override.NONE

@@ -164,7 +164,7 @@ def overridden(
         replace(watch, overridden=True)
         if watch.acting_s is not None
         and condition.name in known
-        and condition.override is not Override.NOBODY
+        and condition.override is not Override.NONE
         else watch
         for condition, watch in zip(table, watches, strict=True)
     )

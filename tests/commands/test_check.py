@@ -42,7 +42,7 @@ def test_the_shipped_configuration_is_a_go(capsys):
     out, err = capsys.readouterr()
     assert err == ""
     assert "Site 315 kV double circuit\n" in out
-    assert out.endswith("\nFILES OK: the aircraft was not looked at\n")
+    assert out.endswith("\nFILES OK: the aircraft was not checked\n")
     findings = [line for line in out.splitlines() if line.startswith("  ")]
     assert {line.split()[0] for line in findings} == {"ok", "note"}
 
@@ -77,7 +77,7 @@ def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_u
         f"  no-go    link: udpin:127.0.0.1:{unused_udp_port}: in use by another program; "
         "stop the service: systemctl stop moar-companion, or what else uses it"
     )
-    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was checked\n")
 
 
 def test_a_configuration_whose_links_receive_no_packet_is_a_no_go(
@@ -89,7 +89,7 @@ def test_a_configuration_whose_links_receive_no_packet_is_a_no_go(
     assert cli.main(["check", "--config", str(config)]) == 1
     out = capsys.readouterr().out
     assert "  no-go    autopilot: none received on " in out
-    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was checked\n")
 
 
 @pytest.mark.parametrize("load", [merged, configured], ids=["check", "the service"])
@@ -325,7 +325,7 @@ def test_a_port_in_use_is_a_no_go_that_names_the_program_to_stop(capsys, unused_
     out, err = capsys.readouterr()
     assert err == ""
     assert "in use by another program; stop the service: systemctl stop moar-companion" in out
-    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was checked\n")
 
 
 @pytest.mark.parametrize(
@@ -345,7 +345,7 @@ def test_a_link_that_cannot_be_opened_is_a_no_go(capsys, link, words):
     assert err == ""
     assert "  no-go    link: " in out
     assert words in out
-    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was checked\n")
 
 
 @contextlib.contextmanager

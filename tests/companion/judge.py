@@ -19,20 +19,16 @@ from ..flights.judging import cells_within, clearances_m, is_free, local_place
 from ..flights.operator import Manner
 from .desk import (
     ACCEPTED,
-    BRAKE,
     CANCELLED,
-    CRITICAL,
     DO_SET_MODE,
     EVACUATION,
     EXIT,
-    GUIDED,
     INSPECTION,
     KEEP_OUT_M,
-    OFFBOARD,
     PAUSE_CONTINUE,
-    RTL,
     USER_1,
 )
+from .scripted_autopilot import BRAKE, CRITICAL, GUIDED, OFFBOARD, RTL
 
 LIMITS = Supervision(position_uncertainty_m=KEEP_OUT_M)
 _ATTITUDE_S = 1.0

@@ -30,22 +30,13 @@ from tests.thorough import sampled
 
 from ..mavlink.peer import Peer
 from .desk import (
-    ACTIVE,
-    AUTO_HOLD,
-    AUTO_RTL,
-    BRAKE,
-    CRITICAL,
     DO_SET_MODE,
     EVACUATION,
     EXIT,
     HOLD,
     INSPECTION,
-    LOITER,
-    PARAMETERS,
     PAUSE_CONTINUE,
-    POSCTL,
     RELEASE,
-    RTL,
     STEP_S,
     TEMPORARILY_REJECTED,
     USER_1,
@@ -53,6 +44,17 @@ from .desk import (
     usual_planner,
 )
 from .judge import Judge
+from .scripted_autopilot import (
+    ACTIVE,
+    AUTO_HOLD,
+    AUTO_RTL,
+    BRAKE,
+    CRITICAL,
+    LOITER,
+    PARAMETERS,
+    POSCTL,
+    RTL,
+)
 
 NUMBERS = st.sampled_from([0.0, 0.3, -0.6, 1.2, -4.0, 30.0, math.nan, math.inf])
 MISSIONS = st.sampled_from([INSPECTION, EXIT, EVACUATION])

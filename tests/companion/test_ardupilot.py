@@ -10,19 +10,8 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Authority
 
-from .desk import (
-    ACCEPTED,
-    CRITICAL,
-    EXIT,
-    GUIDED,
-    HOLD,
-    INSPECTION,
-    LOITER,
-    RELEASE,
-    RTL,
-    TEMPORARILY_REJECTED,
-    Desk,
-)
+from .desk import ACCEPTED, EXIT, HOLD, INSPECTION, RELEASE, TEMPORARILY_REJECTED, Desk
+from .scripted_autopilot import CRITICAL, GUIDED, LOITER, RTL
 
 LAND = 9
 

@@ -12,17 +12,8 @@ from moar_companion.config import LinkLoss, Supervision
 from moar_companion.safety.check_inputs import Host
 
 from ..mavlink.peer import Peer
-from .desk import (
-    ACCEPTED,
-    DENIED,
-    EVACUATION,
-    EXIT,
-    INSPECTION,
-    LINK,
-    OFFBOARD,
-    TEMPORARILY_REJECTED,
-    Desk,
-)
+from .desk import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, LINK, TEMPORARILY_REJECTED, Desk
+from .scripted_autopilot import OFFBOARD
 
 
 def resting(desk, since_s):

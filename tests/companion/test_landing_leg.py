@@ -20,18 +20,17 @@ from moar_companion.types import Mission
 from ..copies import flown_once
 from .desk import (
     ACCEPTED,
-    AUTO_HOLD,
     CANCELLED,
     DENIED,
     EVACUATION,
     EXIT,
     INSPECTION,
-    OFFBOARD,
     PAUSE_CONTINUE,
     STEP_S,
     Desk,
     usual_planner,
 )
+from .scripted_autopilot import AUTO_HOLD, OFFBOARD
 
 WELL_M, TOO_NARROW_M = 0.3, 1.85
 """The position's uncertainty."""

@@ -18,7 +18,8 @@ from moar_companion.safety.condition_types import Action
 from moar_companion.safety.conditions import CONDITIONS
 
 from ..mavlink.peer import Peer
-from .desk import ACTIVE, AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
+from .desk import EXIT, INSPECTION, RELEASE, Desk
+from .scripted_autopilot import ACTIVE, AUTO_HOLD, CRITICAL, POSCTL
 
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 LAND = 0x06040000

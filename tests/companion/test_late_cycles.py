@@ -9,18 +9,8 @@ import pytest
 
 from moar_companion.config import Authority
 
-from .desk import (
-    ACCEPTED,
-    AUTO_HOLD,
-    CRITICAL,
-    EXIT,
-    HOLD,
-    INSPECTION,
-    POSCTL,
-    RELEASE,
-    STEP_S,
-    Desk,
-)
+from .desk import ACCEPTED, EXIT, HOLD, INSPECTION, RELEASE, STEP_S, Desk
+from .scripted_autopilot import AUTO_HOLD, CRITICAL, POSCTL
 
 
 def come_late(desk):

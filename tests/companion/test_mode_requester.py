@@ -18,26 +18,19 @@ from moar_companion.types import Mission
 
 from .desk import (
     ACCEPTED,
-    ACTIVE,
-    AUTO_HOLD,
-    BRAKE,
-    CRITICAL,
     DENIED,
     DO_SET_MODE,
     EVACUATION,
     EXIT,
-    GUIDED,
     HOLD,
     INSPECTION,
-    LOITER,
-    POSCTL,
     RELEASE,
-    RTL,
     STEP_S,
     TEMPORARILY_REJECTED,
     Desk,
     usual_planner,
 )
+from .scripted_autopilot import ACTIVE, AUTO_HOLD, BRAKE, CRITICAL, GUIDED, LOITER, POSCTL, RTL
 
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 TAKEOFF, LANDING = 0x02040000, 0x06040000

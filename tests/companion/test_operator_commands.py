@@ -21,14 +21,13 @@ from .desk import (
     IN_PROGRESS,
     INSPECTION,
     LINK,
-    OFFBOARD,
     PAUSE_CONTINUE,
-    POSCTL,
     RELEASE,
     TEMPORARILY_REJECTED,
     USER_1,
     Desk,
 )
+from .scripted_autopilot import OFFBOARD, POSCTL
 
 
 def test_a_mission_ordered_in_the_air_is_accepted_when_its_plan_is_ready():

@@ -11,22 +11,20 @@ from moar_companion.config import Authority
 from ..mavlink.peer import Peer
 from .desk import (
     ACCEPTED,
-    AUTO_HOLD,
     CANCELLED,
-    CRITICAL,
     DENIED,
     EVACUATION,
     EXIT,
     HOLD,
     IN_PROGRESS,
     INSPECTION,
-    OFFBOARD,
     PAUSE_CONTINUE,
     RELEASE,
     TEMPORARILY_REJECTED,
     USER_1,
     Desk,
 )
+from .scripted_autopilot import AUTO_HOLD, CRITICAL, OFFBOARD
 
 # Orders that cross with other events ------------------------------------------------------------
 

@@ -15,7 +15,8 @@ from moar_companion.planning.plan_jobs import answer_job
 from moar_companion.risk import RiskEstimate
 from moar_companion.site import Conductor
 from moar_companion.types import Mission, RiskIndices
-from tests.companion.desk import EXIT, INSPECTION, OFFBOARD, USER_1, Desk, usual_planner
+from tests.companion.desk import EXIT, INSPECTION, USER_1, Desk, usual_planner
+from tests.companion.scripted_autopilot import OFFBOARD
 from tests.guidance.test_path_follower import Flown
 
 INNER = 1

@@ -12,7 +12,8 @@ from moar_companion.mavlink.peers import AutopilotElsewhere, PeerRefused
 from moar_companion.mavlink.statustext import Severity
 from moar_companion.mission_states import MissionState
 
-from .desk import OFFBOARD, Desk
+from .desk import Desk
+from .scripted_autopilot import OFFBOARD
 
 
 def test_the_heartbeat_carries_the_number_of_the_mission_state():

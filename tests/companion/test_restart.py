@@ -11,17 +11,8 @@ from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.site import Site
 from moar_companion.types import Mission
 
-from .desk import (
-    ACCEPTED,
-    AUTO_HOLD,
-    EXIT,
-    INSPECTION,
-    OFFBOARD,
-    PAUSE_CONTINUE,
-    RELEASE,
-    TEMPORARILY_REJECTED,
-    Desk,
-)
+from .desk import ACCEPTED, EXIT, INSPECTION, PAUSE_CONTINUE, RELEASE, TEMPORARILY_REJECTED, Desk
+from .scripted_autopilot import AUTO_HOLD, OFFBOARD
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 STARTED_S = 50.0

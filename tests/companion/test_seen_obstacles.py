@@ -25,14 +25,13 @@ from moar_companion.site import Polygon
 from tests.companion.desk import (
     EXIT,
     INSPECTION,
-    OFFBOARD,
     PAUSE_CONTINUE,
-    POSCTL,
     STEP_S,
     USER_1,
     Desk,
     usual_planner,
 )
+from tests.companion.scripted_autopilot import OFFBOARD, POSCTL
 from tests.mavlink.peer import Peer
 
 SETTINGS = Perception(sensor=Sensor.VELODYNE)

@@ -15,7 +15,7 @@ from moar_companion.vehicle import Vehicle
 from ..mavlink.signed import SECRET, SignedPeer
 from .desk import LINK
 
-NOBODY = {"a": {}}
+NONE_BEHIND = {"a": {}}
 
 
 def refused(**counts):
@@ -24,18 +24,20 @@ def refused(**counts):
 
 def test_the_first_refusal_is_reported_at_once_and_the_next_after_half_a_minute():
     refusals = SigningReport()
-    assert refusals.texts({"a": refused()}, NOBODY, 0.0) == []
-    assert refusals.texts({"a": refused(unsigned=1)}, NOBODY, 1.0) == ["1 packet refused: unsigned"]
-    assert refusals.texts({"a": refused(unsigned=500)}, NOBODY, 30.9) == []
-    assert refusals.texts({"a": refused(unsigned=501)}, NOBODY, 31.0) == [
+    assert refusals.texts({"a": refused()}, NONE_BEHIND, 0.0) == []
+    assert refusals.texts({"a": refused(unsigned=1)}, NONE_BEHIND, 1.0) == [
+        "1 packet refused: unsigned"
+    ]
+    assert refusals.texts({"a": refused(unsigned=500)}, NONE_BEHIND, 30.9) == []
+    assert refusals.texts({"a": refused(unsigned=501)}, NONE_BEHIND, 31.0) == [
         "500 packets refused: unsigned"
     ]
-    assert refusals.texts({"a": refused(unsigned=501)}, NOBODY, 90.0) == []
+    assert refusals.texts({"a": refused(unsigned=501)}, NONE_BEHIND, 90.0) == []
 
 
 def test_each_reason_is_reported_separately_summed_over_all_links():
     found = {"a": refused(wrong=2, old=1), "b": refused(wrong=3)}
-    assert SigningReport().texts(found, NOBODY, 1.0) == [
+    assert SigningReport().texts(found, NONE_BEHIND, 1.0) == [
         "5 packets refused: wrong signature",
         "1 packet refused: old or replayed",
     ]
@@ -43,7 +45,7 @@ def test_each_reason_is_reported_separately_summed_over_all_links():
 
 def test_all_refusal_reports_fit_into_one_text():
     found = {"a": refused(unsigned=999_999_999, wrong=999_999_999, old=999_999_999)}
-    for words in SigningReport().texts(found, NOBODY, 1.0):
+    for words in SigningReport().texts(found, NONE_BEHIND, 1.0):
         assert words in pilot_text(words)
 
 

@@ -17,7 +17,8 @@ from moar_companion.vehicle import Vehicle
 
 from ..mavlink.peer import Peer
 from ..mavlink.signed import OTHER_SECRET, SECRET, SignedPeer
-from .desk import EXIT, POSCTL, Desk
+from .desk import EXIT, Desk
+from .scripted_autopilot import POSCTL
 
 
 def status_of(desk, latest=None, recorder=None):

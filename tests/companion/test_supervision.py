@@ -12,17 +12,8 @@ from moar_companion.config import Supervision
 
 from ..copies import flown_once
 from ..mavlink.peer import Peer
-from .desk import (
-    ACCEPTED,
-    AUTO_HOLD,
-    CRITICAL,
-    EVACUATION,
-    INSPECTION,
-    OFFBOARD,
-    POSCTL,
-    TEMPORARILY_REJECTED,
-    Desk,
-)
+from .desk import ACCEPTED, EVACUATION, INSPECTION, TEMPORARILY_REJECTED, Desk
+from .scripted_autopilot import AUTO_HOLD, CRITICAL, OFFBOARD, POSCTL
 
 
 @pytest.mark.parametrize("vehicle_type", [1, 20])

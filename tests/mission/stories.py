@@ -34,7 +34,7 @@ FAILSAFE = {"failsafe_took_mode": "autopilot in failsafe"}
 NO_FAILSAFE = {"failsafe_took_mode": None}
 ON_THE_GROUND = {"ground": "on the ground", "not_flying": "not in the air"}
 IN_THE_AIR = {"ground": None, "not_flying": None}
-NOBODY_KNOWS = {"ground": None, "not_flying": "not in the air"}
+LANDED_STATE_UNKNOWN = {"ground": None, "not_flying": "not in the air"}
 STALE = {"position": "position age 0.6 s"}
 
 

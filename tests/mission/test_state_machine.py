@@ -15,9 +15,9 @@ from .stories import (
     FAILSAFE,
     IN_THE_AIR,
     INSPECTION,
+    LANDED_STATE_UNKNOWN,
     LAST,
     NO_FAILSAFE,
-    NOBODY_KNOWS,
     ON_THE_GROUND,
     any_story,
     story,
@@ -158,7 +158,7 @@ def test_a_resume_waits_until_no_condition_is_active():
     assert flight.state == "planning"
 
 
-@pytest.mark.parametrize("row", [row for row in CONDITIONS if row.override is Override.NOBODY])
+@pytest.mark.parametrize("row", [row for row in CONDITIONS if row.override is Override.NONE])
 def test_during_a_takeover_a_release_condition_ends_the_resume_and_others_do_not(row):
     flight = story(S.OVERRIDDEN, resume=True)
     flight.see(**{row.name: "trouble"}).see(**{row.name: None}).tick(row.over_s)
@@ -217,7 +217,7 @@ def test_a_landed_aircraft_is_idle(state):
 
 @pytest.mark.parametrize("state", [*STREAMED, S.PLANNING])
 def test_with_an_unknown_landed_state_the_mission_continues_and_no_order_is_taken(state):
-    flight = any_story(state).see(**NOBODY_KNOWS)
+    flight = any_story(state).see(**LANDED_STATE_UNKNOWN)
     assert flight.status.state is state
     task = flight.status.task
     flight.order(EVACUATION)

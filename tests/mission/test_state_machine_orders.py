@@ -13,8 +13,8 @@ from .stories import (
     EXIT,
     IN_THE_AIR,
     INSPECTION,
+    LANDED_STATE_UNKNOWN,
     LAST,
-    NOBODY_KNOWS,
     ON_THE_GROUND,
     any_story,
     story,
@@ -112,7 +112,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
     ("change", "reason"),
     [
         (ON_THE_GROUND, "not in the air"),
-        (NOBODY_KNOWS, "not in the air"),
+        (LANDED_STATE_UNKNOWN, "not in the air"),
         ({"position": "no local position is received"}, "no local position is received"),
         ({"off_plane": "3.0 m from the plane > 2"}, "3.0 m from the plane"),
     ],
@@ -127,7 +127,11 @@ def test_a_mission_is_rejected_while_a_condition_prevents_its_start(change, reas
 
 @pytest.mark.parametrize(
     "change",
-    [{"tracking_lost": True}, {"not_hovering": "moving at 3.0 m/s > 1, hover"}, NOBODY_KNOWS],
+    [
+        {"tracking_lost": True},
+        {"not_hovering": "moving at 3.0 m/s > 1, hover"},
+        LANDED_STATE_UNKNOWN,
+    ],
 )
 def test_a_plan_is_rejected_when_the_aircraft_has_left_its_start(change):
     flight = story(S.PLANNING).see(**change)

@@ -55,7 +55,7 @@ class Events(RuleBasedStateMachine):
             if status.state in IN_CONTROL:
                 assert self.story.world.mode_ours
             for row in CONDITIONS:
-                if row.action is Action.RELEASE and row.override is Override.NOBODY:
+                if row.action is Action.RELEASE and row.override is Override.NONE:
                     assert getattr(causes, row.name) is None
         if status.state in IN_CONTROL and ruling.action is Action.HOLD:
             assert status.state is MissionState.HOLDING

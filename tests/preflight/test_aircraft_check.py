@@ -1,4 +1,4 @@
-"""The aircraft looked at before a flight: in lockstep with the fake autopilot, and by example."""
+"""The aircraft checked before a flight: in lockstep with the fake autopilot, and by example."""
 
 from dataclasses import replace
 

@@ -13,7 +13,8 @@ from moar_companion.preflight.findings import Level
 from moar_companion.site import Site
 from tests.vehicles import named_vehicle
 
-from ..companion.desk import ACCEPTED, DENIED, INSPECTION, PARAMETERS, Desk, mavlink
+from ..companion.desk import ACCEPTED, DENIED, INSPECTION, Desk, mavlink
+from ..companion.scripted_autopilot import PARAMETERS
 from ..losses import loss_of
 
 OK, NOTE, WARNING, NO_GO = Level

@@ -75,7 +75,7 @@ def test_a_text_fits_into_one_chunk_whole_with_its_action(row):
 
 @ROWS
 def test_a_text_of_a_condition_that_acts_has_an_action(row):
-    unchanged = row.action is Action.CONTINUE and row.override is not Override.NOBODY
+    unchanged = row.action is Action.CONTINUE and row.override is not Override.NONE
     assert all(bool(action_words(row, text)) is not unchanged for text in TEXTS[row.name])
 
 

@@ -134,7 +134,7 @@ def test_a_cause_that_returns_restarts_the_time_to_clear(row):
 @ROWS
 def test_an_order_overrides_a_condition_until_the_condition_restarts(row):
     watched = Watched().look(**{row.name: "trouble"}).look(row.after_s).order()
-    may = row.override is not Override.NOBODY
+    may = row.override is not Override.NONE
     assert watched.ruling.acts(row.name) is not may
     watched.wait(1.0)
     assert watched.ruling.acts(row.name) is not may
