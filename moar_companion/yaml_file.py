@@ -16,9 +16,8 @@ import os
 import re
 import typing
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
@@ -61,8 +60,7 @@ _PLAIN_WORDS = {
 """PyYAML's messages for the commonest errors, in plain words."""
 
 
-@dataclass(frozen=True, slots=True)
-class FileFinding:
+class FileFinding(NamedTuple):
     """One error in a file: its key, and a problem that completes `key: …`."""
 
     key: Key
@@ -270,8 +268,7 @@ def _count_values(node: yaml.Node, counts: dict[int, int]) -> int:
     return counts[id(node)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class _Place(NamedTuple):
     """Line and column of the beginning of a key, and of the end of its value."""
 
     start: tuple[int, int]

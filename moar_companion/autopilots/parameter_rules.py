@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +52,7 @@ _WORRYING_RISK = 0.5
 """Middle between the value at which an input begins to count and its worst value."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class Case(NamedTuple):
     """Context of a judgement: the autopilot's parameters, the vehicle file, what is received."""
 
     parameters: Mapping[str, float | None]
@@ -83,8 +82,7 @@ Verdict = tuple[Level, str]
 Judge = Callable[[float, Case], Verdict]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rule:
+class Rule(NamedTuple):
     """Judgement of one parameter, its meaning, and the remedy."""
 
     parameter: str

@@ -1,14 +1,11 @@
-"""Mission snapshot: the mission's state, kept for the next process.
-
-Pure: the machine's state in, the bytes of a file out, and back. `snapshot_file` has the file.
-"""
+"""Mission snapshot: the mission's state, kept for the next process."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Annotated
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from ..mission.state_changes import state_words
 from ..mission.values import MissionStatus, Task
@@ -59,26 +56,3 @@ def _fits(task: Task, site: Site) -> bool:
     if task.mission is Mission.INSPECTION:
         return {target.name for target in site.targets}.issuperset(task.stops)
     return 0 <= (task.landing or 0) < len(site.landing_m.get(task.mission, ()))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _File:
-    """Content of the file; its times are seconds since 1970."""
-
-    version: Literal[1] = 1
-    memory: MissionSnapshot
-
-
-_FILE = TypeAdapter(_File)
-
-
-def encoded(memory: MissionSnapshot, clock_offset_s: float) -> bytes:
-    """Mission snapshot as JSON. clock_offset_s: wall clock minus the machine's clock."""
-    since_s = memory.since_s + clock_offset_s
-    return _FILE.dump_json(_File(memory=replace(memory, since_s=since_s)), indent=1)
-
-
-def decoded(data: bytes, clock_offset_s: float) -> MissionSnapshot:
-    """Mission snapshot of a file, on this machine's clock; ValueError if the file has none."""
-    memory = _FILE.validate_json(data, strict=True).memory
-    return replace(memory, since_s=memory.since_s - clock_offset_s)

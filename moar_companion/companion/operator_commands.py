@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from .. import pilot_texts, service_texts
 from ..config import Authority
@@ -28,8 +28,7 @@ _RESULTS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Refused:
+class Refused(NamedTuple):
     """An order that is impossible on this site, independent of the aircraft's state."""
 
     reason: str

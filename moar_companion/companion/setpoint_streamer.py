@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
+from typing import NamedTuple
 
 from ..config import Supervision
 from ..estimation.pose import Jump, Setpoint
@@ -17,8 +18,7 @@ from ..types import Vector
 from ..vehicle import Vehicle
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetpointRefusal:
+class SetpointRefusal(NamedTuple):
     """Reason why a setpoint was not sent.
 
     narrow: only the margin, or the position's uncertainty, forbids it. rest: the setpoint sent

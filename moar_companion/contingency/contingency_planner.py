@@ -14,6 +14,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,8 +56,7 @@ _ESCAPE_MISSIONS = (Mission.EXIT, Mission.EVACUATION)
 _FLOWN = frozenset({MissionState.FLYING, MissionState.AT_TARGET, MissionState.LANDING_LEG})
 
 
-@dataclass(frozen=True, slots=True)
-class _Question:
+class _Question(NamedTuple):
     """A route to be planned. origin: a target's name; None for the aircraft's position."""
 
     origin: str | None
@@ -64,8 +64,7 @@ class _Question:
     goal: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _Asked(NamedTuple):
     question: _Question
     job: PlanJob
     start_m: Vector

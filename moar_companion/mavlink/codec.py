@@ -13,9 +13,8 @@ import binascii
 import operator
 import re
 from collections.abc import Callable, Container
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from .dialect import Message, mavlink
 from .signing import SIGNATURE_BYTES, SIGNED_FLAG, LinkSigning, SigningRefusal
@@ -68,8 +67,7 @@ def checksum(data: bytes | bytearray) -> int:
     return _BITS_REVERSED[mirrored >> 8] | _BITS_REVERSED[mirrored & 0xFF] << 8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceStatistics:
+class SourceStatistics(NamedTuple):
     """Packets of one source on one link, by the sequence numbers of their headers.
 
     off_stream: received packets that belong to no stream that the companion reads.

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -48,8 +47,7 @@ _FORMATS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Definition:
+class _Definition(NamedTuple):
     """Definition of a message: fields in wire order, each a type, a name, a length."""
 
     message_id: int

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from .. import service_texts
 from ..types import AutopilotKind
@@ -65,8 +66,7 @@ class AutopilotConflict:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Other:
+class _Other(NamedTuple):
     """Record of a second autopilot. cause: text of the reason for no control."""
 
     received_s: float

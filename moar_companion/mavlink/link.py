@@ -24,8 +24,6 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Any, Protocol
 
-import serial
-
 from ..errors import LinkError
 from .link_basics import SEND_BUFFER_BYTES, OnBytes, clock_s, reason
 from .peers import Address
@@ -350,6 +348,9 @@ class _SerialConnection:
 
 
 async def _connect_serial(address: LinkAddress, on_bytes: OnBytes) -> _SerialConnection:
+    # Only a service with a serial port imports its library.
+    import serial  # noqa: PLC0415
+
     # In a thread: some drivers (Bluetooth) wait for their peer when a port is opened.
     port = await asyncio.to_thread(
         serial.Serial,

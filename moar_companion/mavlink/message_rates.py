@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..autopilots import profile
 from ..types import AutopilotKind
@@ -200,8 +200,7 @@ class _UnusedStream(_Stream):
             self.settled = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _Asked(NamedTuple):
     """One sent request. rate_hz: the requested rate; the stream's may have changed since."""
 
     sent_s: float

@@ -6,8 +6,9 @@ commands to execute, and answers for their senders.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
+from typing import NamedTuple
 
 from ..config import Commands
 from .commands import (
@@ -96,8 +97,7 @@ class _Received:
         return now_s - self.received_s <= (_REPEATS_S if says_so else soon_s)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reception:
+class Reception(NamedTuple):
     """Result of a packet: an accepted command or an event for the service, an answer to send."""
 
     accepted: Accepted | None = None

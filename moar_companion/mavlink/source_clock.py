@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 AHEAD_S = 0.5
 """Greatest accepted lead over the line. Only the first packets, which set the line, make later ones
@@ -42,8 +42,7 @@ class Reading(enum.Enum):
     RESTARTED = "the clock is another one now"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Other:
+class _Other(NamedTuple):
     """Sequence of packets off the line.
 
     first_s, first_stamp_s: its beginning. since_s: the first of them after the last packet on the
@@ -85,7 +84,7 @@ class SourceClock:
         passed_s, lead_s = self._compared(*self._last, stamp_s, now_s)
         if passed_s >= -self._behind_s and lead_s <= AHEAD_S:
             if self._other is not None:
-                self._other = replace(self._other, since_s=None)
+                self._other = self._other._replace(since_s=None)
             if passed_s >= 0.0:
                 self._last = stamp_s, now_s
                 self._delay_s = max(0.0, -lead_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..text_format import TEXT_CHARS as CHUNK_BYTES
 from .dialect import Message, create
@@ -92,8 +92,7 @@ class StatusTexts:
         return same != last or now_s - self._sent_s[same] >= _NEWS_REPEAT_S
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReceivedText:
+class ReceivedText(NamedTuple):
     """Whole text of one sender. severity: name of its MAV_SEVERITY."""
 
     severity: str

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..adaptation import Calibration, on_line
 from ..types import Weights
@@ -26,8 +26,7 @@ _TOLERANCE = 1e-9
 Solve = Callable[[Weights], Cost]
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class _Optimum:
+class _Optimum(NamedTuple):
     """SC d and k_T TC + k_E EC (k_T + k_E = 1) of the optimum at k_S `place`."""
 
     place: float
@@ -39,8 +38,7 @@ class _Optimum:
         return place * self.safety + (1.0 - place) * self.rest
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class _Gap:
+class _Gap(NamedTuple):
     """Two optima, of the lesser k_S first; both cost the same at k_S `place`."""
 
     narrowness: float

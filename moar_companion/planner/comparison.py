@@ -8,8 +8,8 @@ the newer plan.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ _MOST_SHOWN_M = 9_999.0
 """Greatest distance in a text."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PathDifference:
+class PathDifference(NamedTuple):
     """Difference of a path from an earlier one.
 
     mean_m, greatest_m: distance of its points from the other's line; where_m: of the greatest.

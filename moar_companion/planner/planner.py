@@ -7,9 +7,9 @@ final weights. Output: a `Plan`, which is the optimum of J on the paper's graph 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -41,8 +41,7 @@ Clock = Callable[[], float]
 _Key = tuple[Mission, str | int | None]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Goal:
+class _Goal(NamedTuple):
     """End of a mission: for the search, and for the landing leg (None for an inspection)."""
 
     goal: Goal
@@ -50,8 +49,7 @@ class _Goal:
     region: GoalRegion | None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Prepared:
+class _Prepared(NamedTuple):
     """The present table of a goal. ready: it is complete."""
 
     table: CostToGoTable

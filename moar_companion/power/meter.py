@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from ..telemetry import Battery, LandedState, LocalPosition, Telemetry
 from .cells import cell_v, is_powered
@@ -63,8 +64,7 @@ _LONGEST_STEP_S = 1.0
 """Longest time between two updates that counts: the flight during a longer pause is unknown."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Mark:
+class _Mark(NamedTuple):
     """A step down of a battery's charge. flown_wh: energy flown until then, in Wh of the file.
 
     sudden: number of possible corrections in a row; no measurement reaches across them.
@@ -75,8 +75,7 @@ class _Mark:
     sudden: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class _Pack:
+class _Pack(NamedTuple):
     """A battery by its last reported charge, less the charge flown since.
 
     received_s: time of that report. most: greatest charge that its voltage allows. reported: charge
@@ -258,9 +257,9 @@ def _received(
         least, marks = _steps(pack, reported, flown_wh, model)
         return _Pack(battery.received_s, reported, most, least, marks)
     if pack is not None and pack.reported is not None:
-        return replace(pack, most=most)
+        return pack._replace(most=most)
     if pack is not None and counts:
-        return replace(pack, received_s=battery.received_s, most=most)
+        return pack._replace(received_s=battery.received_s, most=most)
     charge = _by_voltage(battery, model)
     return pack if charge is None else _Pack(battery.received_s, charge, most)
 
@@ -290,7 +289,7 @@ def _steps(
         used_wh = (last.charge - reported) * model.capacity_wh
         sudden = used_wh > _SUDDEN_RATIO * measured * (flown_wh - last.flown_wh)
         if sudden and last.sudden < _MOST_SUDDEN:
-            return reported, (replace(mark, sudden=last.sudden + 1),)
+            return reported, (mark._replace(sudden=last.sudden + 1),)
     oldest_wh = flown_wh - model.hover_wh(_MARKS_S)
     return reported, (*(old for old in marks[1 - _MOST_MARKS :] if old.flown_wh >= oldest_wh), mark)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..telemetry import LandedState, Telemetry
 from ..types import Vector
@@ -42,8 +43,7 @@ _LIFT_MIN, _LIFT_MAX = 0.3, 2.0
 """Range of the thrust's vertical part, as a fraction of g, by the vertical acceleration."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirSample:
+class AirSample(NamedTuple):
     """Attitude and velocity at one instant in the air, and sums since the first of its window."""
 
     attitude_s: float

@@ -12,8 +12,8 @@ being equal (Eq. 9, or `adaptation`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 from ..adaptation import Adaptation, AdaptationKind
 from ..types import RiskIndices, Weights
@@ -25,8 +25,7 @@ _TOLD = 0.005
 """Least change of an index or a weight in the text, which has two decimals."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WeightsReason:
+class WeightsReason(NamedTuple):
     """Weights before and after their adaptation. by_risk: effect by index and weight."""
 
     rule: Adaptation

@@ -13,7 +13,8 @@ the estimator accepts a false field, the heading turns with it, and only the str
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from ..risk_model import RiskModel
 from ..telemetry import LandedState, MagneticField, Odometry, Telemetry
@@ -46,8 +47,7 @@ _FIELD_CHANGED = 0.2
 become usual; not 0, as the earlier mean may be that of steel under a hover."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FieldMean:
+class FieldMean(NamedTuple):
     """Mean strength of the magnetic field since `since_s`, or over the last minutes.
 
     The mean restarts at each take-off and landing. In the air a change that is a risk becomes usual
@@ -72,7 +72,7 @@ class FieldMean:
         share = elapsed_s / min(known_s, _FIELD_MEAN_S + elapsed_s)
         mean_gauss = (1.0 - share) * self.mean_gauss + share * latest.strength_gauss
         since_s = latest.received_s - known_s
-        return replace(self, since_s=since_s, received_s=latest.received_s, mean_gauss=mean_gauss)
+        return self._replace(since_s=since_s, received_s=latest.received_s, mean_gauss=mean_gauss)
 
     def change(self, latest: MagneticField) -> float | None:
         """Difference of a measurement from the mean, as a fraction of it; None: too early."""
@@ -81,8 +81,7 @@ class FieldMean:
         return abs(latest.strength_gauss / self.mean_gauss - 1.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Resets:
+class Resets(NamedTuple):
     """Times at which the estimator's reset counter changed, over the last seconds."""
 
     counter: int

@@ -50,8 +50,7 @@ _OUTPUT_MAX = 1.5
 """Greatest plausible output over its range: beyond it the units differ (DroneCAN's 8191)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class Spread(NamedTuple):
     """Mean and variance of a wind, weighted to the present; span_s: duration since the start."""
 
     time_s: float
@@ -82,7 +81,7 @@ class Spread:
     def with_model(self, before: RiskModel, after: RiskModel) -> Spread:
         """Spread of the same leans with another drag, so that learning it is no gust."""
         mean = air_velocity_mps(deceleration_mps2(self.mean_ne_mps, before), after)
-        return replace(self, mean_ne_mps=mean)
+        return self._replace(mean_ne_mps=mean)
 
 
 class MotorSample(NamedTuple):

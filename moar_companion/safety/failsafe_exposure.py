@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +45,7 @@ _OVER_S = 2.0
 """A shorter time without exposure, as between two cells, does not end an exposure."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exposed:
+class Exposed(NamedTuple):
     """An action that would hit an obstacle from the aircraft's place.
 
     forecast: the time until the action is known, not only a bound of it.

@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import service_texts
@@ -36,27 +37,34 @@ from ..mqtt_config import ORDER_LINK
 from ..outlets.log import AutopilotLog, log_to_stderr
 from ..planner.planner import Planner
 from ..planning.map_jobs import MapAnswer
-from ..recording.calls import RecordedCompanion
 from ..safety.check_inputs import Host
 from ..safety.file_faults import FileFault, words
 from ..site import Site
 from ..vehicle import Vehicle
-from .cycle_recorder import CycleRecorder
-from .directories import recorder_folder, view_socket
+from .configured_parts import (
+    companion_class,
+    open_memory,
+    open_mqtt,
+    open_perception,
+    open_recorder,
+    open_signing,
+)
+from .directories import view_socket
 from .host_monitor import HostMonitor
-from .perception_process import PerceptionProcess, start_perception
 from .planner_worker import PlannerWorker, Work
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas
-from .signing_clock import SigningClock, load_signing, open_signing_clock
-from .snapshot_file import SnapshotFile, open_memory
 from .status_socket import open_view_socket
 from .systemd import Watchdog, notify
 
 if TYPE_CHECKING:
+    from .cycle_recorder import CycleRecorder
     from .mqtt_orders import MqttOrders
     from .mqtt_publisher import MqttPublisher
+    from .perception_process import PerceptionProcess
+    from .signing_clock import SigningClock
+    from .snapshot_file import SnapshotFile
 
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""
@@ -94,14 +102,12 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
         memory = open_memory(config, stack)
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
-        signing = load_signing(config, time.time())
-        clock = None if signing is None else open_signing_clock(config, stack)
-        kind = Companion if recorder_folder(config) is None else RecordedCompanion
-        companion = kind(config, vehicle, None, before=before, signing=signing)
+        signing, clock = open_signing(config, time.time(), stack)
+        companion = companion_class(config)(config, vehicle, None, before=before, signing=signing)
         make_planner = None
         if site is not None:
             make_planner = partial(Planner, site, vehicle, clock=time.perf_counter)
-        perception = start_perception(config, site, speed)
+        perception = open_perception(config, site, speed)
         service = Service(config, companion, make_planner, memory, clock, perception, speed=speed)
         asyncio.run(service.run())
     return 0
@@ -159,7 +165,7 @@ class Service:
         loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
-            self._recorder = CycleRecorder(
+            self._recorder = open_recorder(
                 self._config,
                 self._companion,
                 self._status_now,
@@ -167,12 +173,12 @@ class Service:
                 now_s=self._now_s(),
                 stack=stack,
             )
-            host = HostMonitor(self._recorder.folder)
+            host = HostMonitor(self._recorder_folder)
             stack.callback(host.close)
             if self._perception is not None:
                 stack.callback(self._perception.close)
             await self._open_view(stack)
-            self._mqtt = self._open_mqtt(stack)
+            self._mqtt = open_mqtt(self._config, stack)
             links: dict[str, Link | MqttOrders] = {}
             for link in self._config.links:
                 address = parse_url(link.url)
@@ -348,6 +354,10 @@ class Service:
             self._remembered = memory
             self._memory.save(memory, time.time() - now_s)
 
+    @property
+    def _recorder_folder(self) -> Path | None:
+        return None if self._recorder is None else self._recorder.folder
+
     def _file_faults(self) -> tuple[FileFault, ...]:
         """Faults of the files that the service writes."""
         faults = () if self._memory is None else self._memory.faults
@@ -363,7 +373,7 @@ class Service:
             self._companion,
             self._now_s(),
             clock_offset_s=self._clock_offset_s,
-            recorder=None if self._recorder is None else self._recorder.folder,
+            recorder=self._recorder_folder,
         )
 
     async def _open_view(self, stack: contextlib.AsyncExitStack) -> None:
@@ -374,14 +384,3 @@ class Service:
             await stack.enter_async_context(open_view_socket(place.path, self._status_now))
         except OSError as error:
             raise place.not_free(error) from error
-
-    def _open_mqtt(self, stack: contextlib.AsyncExitStack) -> MqttPublisher | None:
-        if self._config.mqtt.url is None:
-            return None
-        # Only a service with MQTT imports its library.
-        from .mqtt_publisher import open_publisher  # noqa: PLC0415
-
-        publisher = open_publisher(self._config)
-        if publisher is not None:
-            stack.callback(publisher.close)
-        return publisher

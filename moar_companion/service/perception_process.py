@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..config import CompanionConfig
 from ..errors import InputError, LinkError
 from ..mavlink.link_basics import reason
 from ..perception.perception_report import PerceptionReport
@@ -140,21 +139,6 @@ class PerceptionProcess:
                 if not self._closing.is_set():
                     _logger.warning("the perception has ended (status %d), restarting", status)
             self._closing.wait(_AGAIN_S)
-
-
-def start_perception(
-    config: CompanionConfig, site: Site | None, speed: float
-) -> PerceptionProcess | None:
-    """Starts the process of the configured sensor; None without a sensor.
-
-    Raises InputError without a site, and the errors of PerceptionProcess.
-    """
-    if config.perception.sensor is None:
-        return None
-    source = str(config.file or "the configuration")
-    if site is None:
-        raise InputError(source, "perception.sensor", "needs a site file: `site`, or --site")
-    return PerceptionProcess(config.perception, site, source=source, speed=speed)
 
 
 def tried(settings: Perception, source: str, *, port: bool = True) -> str:

@@ -8,7 +8,6 @@ clock cannot determine the file's age. A thread of its own writes it, as a rule 
 
 from __future__ import annotations
 
-import contextlib
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -101,17 +100,6 @@ class SigningClock:
                 _logger.log(level, "%s: not written: %s", self._path, error.strerror)
             else:
                 self._failing = False
-
-
-def open_signing_clock(config: CompanionConfig, stack: contextlib.ExitStack) -> SigningClock | None:
-    """Opens the file in the state directory, until the stack ends; None without a directory."""
-    folder = state_folder(config)
-    if folder is None:
-        _logger.warning("signed links without a state directory: time stamps are not kept")
-        return None
-    clock = SigningClock(folder.path)
-    stack.callback(clock.close)
-    return clock
 
 
 def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:

@@ -12,20 +12,33 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
+
+from pydantic import TypeAdapter
 
 from .. import service_texts
-from ..companion.mission_snapshot import MissionSnapshot, decoded, encoded
-from ..config import CompanionConfig
+from ..companion.mission_snapshot import MissionSnapshot
 from ..outlets.background_writer import BackgroundWriter, Batches
 from ..safety.file_faults import FileFault, words
-from .directories import state_folder
 
 _NAME = "mission.json"
 _LONGEST_BYTES = 65536
 """A longer file is not a mission snapshot."""
 
 _logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _File:
+    """Content of the file; its times are seconds since 1970."""
+
+    version: Literal[1] = 1
+    memory: MissionSnapshot
+
+
+_FILE = TypeAdapter(_File)
 
 
 class SnapshotFile:
@@ -101,20 +114,16 @@ class SnapshotFile:
             self._write_fault = None
 
 
-def open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> SnapshotFile | None:
-    """Opens the file in the state directory, until the stack ends; None without a directory.
+def encoded(memory: MissionSnapshot, clock_offset_s: float) -> bytes:
+    """Mission snapshot as JSON. clock_offset_s: wall clock minus the machine's clock."""
+    since_s = memory.since_s + clock_offset_s
+    return _FILE.dump_json(_File(memory=replace(memory, since_s=since_s)), indent=1)
 
-    Raises InputError for a directory that cannot be written.
-    """
-    folder = state_folder(config)
-    if folder is None:
-        return None
-    try:
-        memory = SnapshotFile(folder.path)
-    except OSError as error:
-        raise folder.unwritable(error) from error
-    stack.callback(memory.close)
-    return memory
+
+def decoded(data: bytes, clock_offset_s: float) -> MissionSnapshot:
+    """Mission snapshot of a file, on this machine's clock; ValueError if the file has none."""
+    memory = _FILE.validate_json(data, strict=True).memory
+    return replace(memory, since_s=memory.since_s - clock_offset_s)
 
 
 def write_whole(path: Path, data: bytes) -> None:

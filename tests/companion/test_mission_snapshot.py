@@ -1,12 +1,10 @@
-"""The mission snapshot: bytes of the file, the part that can still be flown, the text."""
+"""The mission snapshot: the part that can still be flown, the text."""
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
-from moar_companion.companion.mission_snapshot import MissionSnapshot, decoded, encoded
+from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.config import shipped_configs
 from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.site import Site
@@ -21,39 +19,6 @@ EXIT = Task(mission=Mission.EXIT, landing=0)
 def memory(state=MissionState.FLYING, task=INSPECTION, **changes):
     values = {"state": state, "since_s": 100.0, "task": task, "site": SITE.name}
     return MissionSnapshot(**(values | changes))
-
-
-@pytest.mark.parametrize("state", MissionState)
-@pytest.mark.parametrize("task", [None, INSPECTION, EXIT])
-def test_a_snapshot_is_read_as_it_was_written(state, task):
-    assert decoded(encoded(memory(state, task), 0.0), 0.0) == memory(state, task)
-
-
-def test_the_time_of_a_snapshot_is_wall_clock_time_whatever_clock_the_next_process_has():
-    written = encoded(memory(since_s=100.0), clock_offset_s=1_000.0)
-    assert decoded(written, clock_offset_s=1_050.0).since_s == 50.0
-
-
-WHOLE = encoded(memory(), 0.0)
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"",
-        b"\0" * 300,
-        WHOLE[: len(WHOLE) // 2],
-        WHOLE.replace(b'"version": 1', b'"version": 2'),
-        WHOLE.replace(b"flying", b"floating"),
-        WHOLE.replace(b"100.0", b"NaN"),
-        WHOLE.replace(b"100.0", b'"100"'),
-        json.dumps({"mission": "inspection"}).encode(),
-        b"[" * 100_000,
-    ],
-)
-def test_an_incomplete_or_foreign_file_is_no_snapshot(data):
-    with pytest.raises(ValueError):  # noqa: PT011 - whatever is wrong with it
-        decoded(data, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,9 @@
-"""The file of the state: complete at any moment; it never delays the service."""
+"""The file of the state: its bytes; complete at any moment; it never delays the service."""
 
 from __future__ import annotations
 
 import errno
+import json
 import logging
 import os
 import threading
@@ -10,14 +11,50 @@ import time
 
 import pytest
 
-from moar_companion.companion.mission_snapshot import MissionSnapshot, decoded
-from moar_companion.mission.state_machine import MissionState
+from moar_companion.companion.mission_snapshot import MissionSnapshot
+from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.service import snapshot_file
-from moar_companion.service.snapshot_file import SnapshotFile
+from moar_companion.service.snapshot_file import SnapshotFile, decoded, encoded
+from moar_companion.types import Mission
 
 IDLE = MissionSnapshot(state=MissionState.IDLE, since_s=1.0)
 FLYING = MissionSnapshot(state=MissionState.FLYING, since_s=2.0)
 HOLDING = MissionSnapshot(state=MissionState.HOLDING, since_s=3.0)
+INSPECTION = Task(mission=Mission.INSPECTION, stops=("splice-1", "splice-2"))
+EXIT = Task(mission=Mission.EXIT, landing=0)
+WHOLE = MissionSnapshot(state=MissionState.FLYING, since_s=100.0, task=INSPECTION, site="line")
+WRITTEN = encoded(WHOLE, 0.0)
+
+
+@pytest.mark.parametrize("state", MissionState)
+@pytest.mark.parametrize("task", [None, INSPECTION, EXIT])
+def test_a_snapshot_is_read_as_it_was_written(state, task):
+    snapshot = MissionSnapshot(state=state, since_s=100.0, task=task, site="line")
+    assert decoded(encoded(snapshot, 0.0), 0.0) == snapshot
+
+
+def test_the_time_of_a_snapshot_is_wall_clock_time_whatever_clock_the_next_process_has():
+    written = encoded(WHOLE, clock_offset_s=1_000.0)
+    assert decoded(written, clock_offset_s=1_050.0).since_s == 50.0
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\0" * 300,
+        WRITTEN[: len(WRITTEN) // 2],
+        WRITTEN.replace(b'"version": 1', b'"version": 2'),
+        WRITTEN.replace(b"flying", b"floating"),
+        WRITTEN.replace(b"100.0", b"NaN"),
+        WRITTEN.replace(b"100.0", b'"100"'),
+        json.dumps({"mission": "inspection"}).encode(),
+        b"[" * 100_000,
+    ],
+)
+def test_an_incomplete_or_foreign_file_is_no_snapshot(data):
+    with pytest.raises(ValueError):  # noqa: PT011 - whatever is wrong with it
+        decoded(data, 0.0)
 
 
 @pytest.fixture
@@ -77,7 +114,7 @@ class Killed(BaseException):
 def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
     moment, where, found, file, tmp_path, monkeypatch
 ):
-    file._write(snapshot_file.encoded(IDLE, 0.0))
+    file._write(encoded(IDLE, 0.0))
 
     def die(*_):
         raise Killed
@@ -85,14 +122,14 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
     with monkeypatch.context() as patch:
         patch.setattr(*where, die)
         with pytest.raises(Killed):
-            file._write(snapshot_file.encoded(FLYING, 0.0))
+            file._write(encoded(FLYING, 0.0))
     assert written(tmp_path) == found
 
 
 def test_a_full_disk_is_reported_once_and_the_outdated_file_is_removed(
     file, tmp_path, monkeypatch, caplog
 ):
-    file._write(snapshot_file.encoded(FLYING, 0.0))
+    file._write(encoded(FLYING, 0.0))
 
     def full(_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -100,11 +137,11 @@ def test_a_full_disk_is_reported_once_and_the_outdated_file_is_removed(
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", full)
         for _ in range(3):
-            file._write(snapshot_file.encoded(HOLDING, 0.0))
+            file._write(encoded(HOLDING, 0.0))
     reported = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
     assert reported == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
     assert list((tmp_path / "state").iterdir()) == []
-    file._write(snapshot_file.encoded(HOLDING, 0.0))
+    file._write(encoded(HOLDING, 0.0))
     assert written(tmp_path) == HOLDING
 
 
@@ -115,10 +152,10 @@ def reasons(file):
 def test_a_state_that_cannot_be_written_is_a_fault_until_it_is_written_again(file, tmp_path):
     assert reasons(file) == []
     (tmp_path / "state").rename(tmp_path / "elsewhere")
-    file._write(snapshot_file.encoded(FLYING, 0.0))
+    file._write(encoded(FLYING, 0.0))
     assert reasons(file) == ["no state file: folder gone, restart goes idle"]
     (tmp_path / "elsewhere").rename(tmp_path / "state")
-    file._write(snapshot_file.encoded(FLYING, 0.0))
+    file._write(encoded(FLYING, 0.0))
     assert reasons(file) == []
 
 
@@ -127,14 +164,14 @@ def test_a_folder_that_has_become_read_only_is_a_fault(file, monkeypatch):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
     monkeypatch.setattr(snapshot_file.Path, "open", read_only)
-    file._write(snapshot_file.encoded(FLYING, 0.0))
+    file._write(encoded(FLYING, 0.0))
     assert reasons(file) == ["no state file: read-only, restart goes idle"]
 
 
 def test_a_file_of_the_start_that_is_unusable_remains_a_fault(file, tmp_path):
     (tmp_path / "state" / "mission.json").write_bytes(b"{")
     file.load(0.0)
-    file._write(snapshot_file.encoded(FLYING, 0.0))
+    file._write(encoded(FLYING, 0.0))
     assert reasons(file) == ["state file unusable, starting idle"]
 
 
