@@ -15,12 +15,19 @@ BASE = {
     "px4": {
         "COM_OBL_RC_ACT": 5,
         "COM_OF_LOSS_T": 0.5,
+        "COM_DL_LOSS_T": 10,
+        "COM_RC_LOSS_T": 1.0,
+        "COM_OBC_LOSS_T": 5.0,
         "COM_RC_OVERRIDE": 3,
         "NAV_RCL_ACT": 1,
     },
     "ardupilot": {"GUID_TIMEOUT": 0.5, "FS_THR_ENABLE": 7},
 }
-"""Parameters that the README requires before a flight."""
+"""Parameters that the README requires before a flight.
+
+PX4's three other timeouts are those of its startup script (init.d-posix/rcS) at speed 1; the script
+multiplies them by the simulator's speed.
+"""
 LOW_PERCENT, CRITICAL_PERCENT = 13.0, 6.0
 """PX4 calls 15 % low and 7 % critical; ArduPilot by `battery_thresholds`."""
 CROSSING_PERCENT = 0.5

@@ -293,8 +293,7 @@ def _switch_parameters(kind):
 
 def _gcs_parameters(kind):
     if kind.autopilot == "px4":
-        # PX4's startup script multiplies the 10 s by the simulator's speed (init.d-posix/rcS).
-        return {"NAV_DLL_ACT": 1, "COM_DL_LOSS_T": 10}
+        return {"NAV_DLL_ACT": 1}
     return {"FS_GCS_ENABLE": 7}
 
 
