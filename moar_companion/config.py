@@ -230,6 +230,11 @@ class CompanionConfig:
     """File that it was read from; None without a file."""
 
     @property
+    def has_signed_links(self) -> bool:
+        """True if at least one link is signed."""
+        return any(link.signed for link in self.links)
+
+    @property
     def session_links(self) -> dict[str, LinkRole]:
         """Links of the companion and their roles, with that of orders over MQTT."""
         links = {link.url: link.role for link in self.links}

@@ -1,4 +1,7 @@
-"""Mission snapshot: the mission's state, kept for the next process."""
+"""Mission snapshot: the mission's state, kept for the next process; what of it can be flown.
+
+Pure. `service/snapshot_file` has the file.
+"""
 
 from __future__ import annotations
 

@@ -6,8 +6,7 @@ Jobs go out as values and answers come back as values; only the newest job's ans
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 from .. import pilot_texts
 from ..adaptation import Adaptation
@@ -26,7 +25,8 @@ _ANSWER_TIMEOUT_S = 5.0
 """Plans take milliseconds: a planner without an answer for this long has failed."""
 
 
-class Awaited(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Awaited:
     """A requested plan: its start, and if it is the mission's first."""
 
     job: PlanJob
@@ -120,7 +120,7 @@ class PlanRequests:
         """Repeats a request whose answer is on maps that are no longer the present ones."""
         self._last_id += 1
         job = replace(awaited.job, job_id=self._last_id)
-        self._awaited = awaited._replace(job=job)
+        self._awaited = replace(awaited, job=job)
         self._jobs.append(job)
         if not awaited.first:
             self.wanting_since_s = self.asked_s

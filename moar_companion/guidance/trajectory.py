@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +35,8 @@ _SLOWEST_MPS = 1e-3
 """Lower bound of the mean speed in durations: a lower speed lasts only an instant."""
 
 
-class PathPoints(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathPoints:
     """A path by its points. position_m: (n, d); speed_mps: (n - 1,) of the move to the next."""
 
     position_m: FloatArray

@@ -7,9 +7,9 @@ final weights. Output: a `Plan`, which is the optimum of J on the paper's graph 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,7 +41,8 @@ Clock = Callable[[], float]
 _Key = tuple[Mission, str | int | None]
 
 
-class _Goal(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Goal:
     """End of a mission: for the search, and for the landing leg (None for an inspection)."""
 
     goal: Goal
@@ -49,7 +50,8 @@ class _Goal(NamedTuple):
     region: GoalRegion | None
 
 
-class _Prepared(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Prepared:
     """The present table of a goal. ready: it is complete."""
 
     table: CostToGoTable

@@ -7,7 +7,6 @@ path. A solver owns the memory that its searches write to: one for each thread.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -45,7 +44,8 @@ _backward, _follow, _forward = map(direct, (search.backward, search.follow, sear
 _walk = direct(walk)
 
 
-class CostToGoTable(NamedTuple):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CostToGoTable:
     """Exact costs to go at the corners of triangles that cover all weights.
 
     For one goal and graph the cost to go of a state is a minimum over paths of functions that are

@@ -41,21 +41,20 @@ from ..safety.check_inputs import Host
 from ..safety.file_faults import FileFault, words
 from ..site import Site
 from ..vehicle import Vehicle
-from .configured_parts import (
+from .host_monitor import HostMonitor
+from .optional_parts import (
     companion_class,
-    open_memory,
     open_mqtt,
     open_perception,
     open_recorder,
     open_signing,
+    open_snapshot,
+    open_view,
 )
-from .directories import view_socket
-from .host_monitor import HostMonitor
 from .planner_worker import PlannerWorker, Work
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas
-from .status_socket import open_view_socket
 from .systemd import Watchdog, notify
 
 if TYPE_CHECKING:
@@ -100,7 +99,7 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
-        memory = open_memory(config, stack)
+        memory = open_snapshot(config, stack)
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
         signing, clock = open_signing(config, time.time(), stack)
         companion = companion_class(config)(config, vehicle, None, before=before, signing=signing)
@@ -177,7 +176,7 @@ class Service:
             stack.callback(host.close)
             if self._perception is not None:
                 stack.callback(self._perception.close)
-            await self._open_view(stack)
+            await open_view(self._config, self._status_now, stack)
             self._mqtt = open_mqtt(self._config, stack)
             links: dict[str, Link | MqttOrders] = {}
             for link in self._config.links:
@@ -336,7 +335,9 @@ class Service:
         for item in decisions:
             if item.kind == "text":
                 _logger.info("%s", item.data["text"])
-        if self._recorder is not None:
+        if self._recorder is None:
+            self._companion.received_packets()  # only a recording keeps them
+        else:
             self._recorder.record(now_s, outgoing, decisions)
         return not late
 
@@ -375,12 +376,3 @@ class Service:
             clock_offset_s=self._clock_offset_s,
             recorder=self._recorder_folder,
         )
-
-    async def _open_view(self, stack: contextlib.AsyncExitStack) -> None:
-        place = view_socket(self._config)
-        if place is None:
-            return
-        try:
-            await stack.enter_async_context(open_view_socket(place.path, self._status_now))
-        except OSError as error:
-            raise place.not_free(error) from error

@@ -21,7 +21,8 @@ _logger = logging.getLogger(__name__)
 class CycleRecorder:
     """Records the cycles of a companion in a folder.
 
-    clock_offset_s: wall clock less the companion's clock. status: the present status.
+    settings: limits of its files. status: the present status. clock_offset_s: wall clock less the
+    companion's clock.
     Raises OSError for a folder that cannot be written.
     """
 

@@ -1,7 +1,7 @@
-"""Parts of the service that only some configurations have.
+"""Optional parts of the service: each is imported and opened where it is asked for, at the start.
 
-Each is imported where it is configured, so that no other service pays for it in start time and
-memory.
+The configuration or systemd's directories ask for them (`directories`); the others cost neither
+start time nor memory.
 """
 
 # ruff: noqa: PLC0415
@@ -17,7 +17,7 @@ from ..companion.companion import Companion
 from ..config import CompanionConfig
 from ..errors import InputError
 from ..site import Site
-from .directories import recorder_folder, state_folder
+from .directories import recorder_folder, state_folder, view_socket
 
 if TYPE_CHECKING:
     from ..mavlink.signing import Signing
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _logger = logging.getLogger(__name__)
 
 
-def open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> SnapshotFile | None:
+def open_snapshot(config: CompanionConfig, stack: contextlib.ExitStack) -> SnapshotFile | None:
     """Opens the file of the mission snapshot until the stack ends; None without a directory.
 
     Raises InputError for a directory that cannot be written.
@@ -41,21 +41,22 @@ def open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> Snapsho
     from .snapshot_file import SnapshotFile
 
     try:
-        memory = SnapshotFile(folder.path)
+        snapshot = SnapshotFile(folder.path)
     except OSError as error:
         raise folder.unwritable(error) from error
-    stack.callback(memory.close)
-    return memory
+    stack.callback(snapshot.close)
+    return snapshot
 
 
 def open_signing(
     config: CompanionConfig, wall_s: float, stack: contextlib.ExitStack
 ) -> tuple[Signing | None, SigningClock | None]:
-    """Returns the signing of the links, and the file that keeps its time stamps.
+    """Returns the signing of the links, and the file of its time stamps, until the stack ends.
 
-    None, None without a signed link. Raises InputError if there is no usable key.
+    None, None without a signed link; no file without a state directory. wall_s: the wall clock, in
+    seconds since 1970. Raises InputError if there is no usable key.
     """
-    if not any(link.signed for link in config.links):
+    if not config.has_signed_links:
         return None, None
     from .signing_clock import SigningClock, load_signing
 
@@ -69,7 +70,7 @@ def open_signing(
 
 
 def companion_class(config: CompanionConfig) -> type[Companion]:
-    """Class of the machine: one that logs its calls if flights are recorded."""
+    """Class of the machine: if flights are recorded (`open_recorder`), one that logs its calls."""
     if recorder_folder(config) is None:
         return Companion
     from ..recording.calls import RecordedCompanion
@@ -88,7 +89,8 @@ def open_recorder(
 ) -> CycleRecorder | None:
     """Opens the recording until the stack ends; None if flights are not recorded.
 
-    Arguments as of CycleRecorder. Raises InputError for a folder that cannot be written.
+    companion: of `companion_class`. status: the present status. clock_offset_s: wall clock less the
+    companion's clock. Raises InputError for a folder that cannot be written.
     """
     folder = recorder_folder(config)
     if folder is None:
@@ -108,6 +110,24 @@ def open_recorder(
         raise folder.unwritable(error) from error
     stack.callback(recorder.close)
     return recorder
+
+
+async def open_view(
+    config: CompanionConfig, status: Callable[[], dict[str, Any]], stack: contextlib.AsyncExitStack
+) -> None:
+    """Opens the socket of the view until the stack ends; nothing without a path.
+
+    Raises InputError for a path where no socket can be made.
+    """
+    place = view_socket(config)
+    if place is None:
+        return
+    from .status_socket import open_view_socket
+
+    try:
+        await stack.enter_async_context(open_view_socket(place.path, status))
+    except OSError as error:
+        raise place.not_free(error) from error
 
 
 def open_perception(

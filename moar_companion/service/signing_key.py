@@ -21,7 +21,7 @@ def read_signing_key(config: CompanionConfig) -> SigningKey | None:
 
     Raises InputError if there is no usable key, or if others can read it.
     """
-    if not any(link.signed for link in config.links):
+    if not config.has_signed_links:
         return None
     signing = config.signing
     place = secret_place(

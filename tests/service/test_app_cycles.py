@@ -247,6 +247,22 @@ def test_a_stalled_disk_delays_neither_the_cycles_nor_the_end(
     assert warnings == [f"recording ended: {folder}: the disk is too slow"]
 
 
+def test_without_a_recording_no_received_packets_wait_for_one():
+    url = "udpout:127.0.0.1:9"
+    whole = CompanionConfig(vehicle=VEHICLE, links=(LinkConfig(url=url),))
+    companion = Companion(whole, Vehicle.load(VEHICLE), None)
+    service = Service(whole, companion, None, None)
+    service._links = {url: SimpleNamespace(send=lambda *_: None)}
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 3, 3)
+    now_s = clock_s()
+    companion.receive(url, heartbeat.pack(mavlink.MAVLink(None, 1, 1)), now_s)
+    companion.tick(now_s)
+    service._send(now_s)
+    service._worker.close()
+    assert companion.telemetry.autopilot is not None
+    assert companion.received_packets() == []
+
+
 def test_after_a_stall_a_flood_does_not_keep_the_service_from_sending(monkeypatch):
     whole = CompanionConfig(vehicle=VEHICLE, links=(LinkConfig(url="udp:127.0.0.1:14540"),))
     service = Service(whole, Companion(whole, Vehicle.load(VEHICLE), None), None, None)
