@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from ..telemetry import Failsafe
 from ..types import AutopilotKind, GeodeticPoint, Vector
@@ -192,7 +192,8 @@ def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
     )
 
 
-class ArduPilotReturn(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArduPilotReturn:
     """ArduPilot's return (no rally points, no terrain): up, level, down; heights above home."""
 
     altitude_m: float

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from .. import pilot_texts
 from ..telemetry import FenceItem
@@ -18,7 +17,8 @@ _POLYGON_INCLUSION, _POLYGON_EXCLUSION, _CIRCLE_INCLUSION, _CIRCLE_EXCLUSION = r
 """MAV_CMD_NAV_FENCE_*; 5000 is a return point, which limits nothing."""
 
 
-class Limit(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
     """Limit set by a parameter, in metres from home."""
 
     parameter: str

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from ..types import AutopilotKind, GeodeticPoint, Vector
 from . import px4_parameters
@@ -157,7 +157,8 @@ def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
     return north * factor, east * factor, down_m
 
 
-class Px4Return(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Px4Return:
     """PX4's return (RTL_TYPE 0, no rally points): up, level, down; heights above home.
 
     As in PX4's `calculate_return_alt_from_cone_half_angle`.
