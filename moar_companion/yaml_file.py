@@ -10,7 +10,6 @@ each once.
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import os
 import re
@@ -147,6 +146,8 @@ def shown(value: object) -> str:
 
 def nearest(word: str, words: Iterable[str]) -> str:
     """`, did you mean …?` for a misspelt word, in capitals or not, or an empty text."""
+    import difflib  # noqa: PLC0415 - 0.1 MB, which only an error needs
+
     known = {each.lower(): each for each in words}
     found = difflib.get_close_matches(word.lower(), known, n=1)
     return f", did you mean {known[found[0]]}?" if found else ""

@@ -54,7 +54,7 @@ from .optional_parts import (
 from .planner_worker import PlannerWorker, Work
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
-from .resident_memory import limit_arenas
+from .resident_memory import limit_arenas, release_descriptions
 from .systemd import Watchdog, notify
 
 if TYPE_CHECKING:
@@ -96,6 +96,7 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
         site = flown_site(Site.load(config.site), vehicle, config.supervision)
         vehicle = sighted(vehicle, config)
     limit_arenas()
+    release_descriptions()
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)

@@ -1,9 +1,10 @@
-"""Resident memory of the process: releases unused memory of glibc and LLVM. Linux.
+"""Resident memory of the process: releases unused memory of pymavlink, glibc and LLVM. Linux.
 
     before the threads start    limit_arenas: few arenas, large arrays go back to the system
+                                release_descriptions: texts for readers of pymavlink's enums
     once all kernels are loaded release_compiler: LLVM's code and data, of which none is used again
 
-A call that the system lacks is left out: both save memory only.
+A call that the system lacks is left out: all save memory only.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ import ctypes
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import MappingProxyType
+
+from ..mavlink.dialect import mavlink
 
 _ARENA_MAX = -8
 _MMAP_THRESHOLD = -3
@@ -27,6 +31,7 @@ _MADV_DONTNEED = 4
 _COMPILER = "libllvmlite.so"
 _MAPPING = re.compile(r"([0-9a-f]+)-([0-9a-f]+) (\S+) .*?(\S*)$")
 _SMAPS = Path("/proc/self/smaps")
+_NO_TEXTS: MappingProxyType[int, str] = MappingProxyType({})
 
 
 def limit_arenas() -> None:
@@ -35,6 +40,13 @@ def limit_arenas() -> None:
         libc = ctypes.CDLL(None)
         libc.mallopt(_ARENA_MAX, _MOST_ARENAS)
         libc.mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
+
+
+def release_descriptions() -> None:
+    """Frees the descriptions of pymavlink's 2400 enum entries, 0.7 MB; names and numbers stay."""
+    for enum in mavlink.enums.values():
+        for entry in enum.values():
+            entry.description, entry.param, entry.label = "", _NO_TEXTS, _NO_TEXTS
 
 
 def release_compiler() -> None:

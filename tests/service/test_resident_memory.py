@@ -1,11 +1,16 @@
-"""Memory that glibc and LLVM keep without need is given back, and nothing else."""
+"""Memory that pymavlink, glibc and LLVM keep without need is released, and nothing else."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from moar_companion.mavlink.dialect import mavlink
 from moar_companion.planner import search
-from moar_companion.service.resident_memory import release_compiler, unwritten
+from moar_companion.service.resident_memory import (
+    release_compiler,
+    release_descriptions,
+    unwritten,
+)
 
 SMAPS = """\
 7f0000000000-7f0000001000 r--p 00000000 fe:00 1 /lib/libllvmlite.so
@@ -66,3 +71,20 @@ def test_the_compiler_leaves_the_memory_and_kernels_still_load_and_run():
     release_compiler()
     assert resident_mb("libllvmlite.so") < 10.0
     _ = search.backward.entry
+
+
+def test_enum_entries_keep_their_names_and_lose_their_descriptions():
+    before = {
+        (enum, number): entry.name
+        for enum, entries in mavlink.enums.items()
+        for number, entry in entries.items()
+    }
+    release_descriptions()
+    command = mavlink.enums["MAV_CMD"][mavlink.MAV_CMD_NAV_WAYPOINT]
+    assert command.name == "MAV_CMD_NAV_WAYPOINT"
+    assert (command.description, dict(command.param), dict(command.label)) == ("", {}, {})
+    assert before == {
+        (enum, number): entry.name
+        for enum, entries in mavlink.enums.items()
+        for number, entry in entries.items()
+    }
