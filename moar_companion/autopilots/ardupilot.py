@@ -1,10 +1,11 @@
-"""ArduCopter: modes, failsafes, fence, frame, flight; rules of check: `ardupilot_parameters`.
+"""ArduCopter: its modes, failsafes, fence, frame and flight, and the rules of check.
 
-Sources: ArduCopter 4.6.3, `ArduCopter/mode.h`, `events.cpp` (failsafe_radio_on_event,
-failsafe_gcs_on_event, handle_battery_failsafe, failsafe_deadreckon_check, do_failsafe_action),
-`ekf_check.cpp` (failsafe_ekf_event), `mode_rtl.cpp` (compute_return_target), `fence.cpp`;
-`AP_BattMonitor.cpp`; `AC_Fence.cpp` (var_info, check), `AC_PolyFence_loader.cpp` (breached);
-`AP_Common/Location.h` (LOCATION_SCALING_FACTOR); measurements.
+Sources: ArduCopter 4.6.3, "Failsafes" and the parameters' descriptions; `ArduCopter/mode.h`,
+`events.cpp` (failsafe_radio_on_event, failsafe_gcs_on_event, handle_battery_failsafe,
+failsafe_deadreckon_check, do_failsafe_action), `ekf_check.cpp` (failsafe_ekf_event), `mode_rtl.cpp`
+(compute_return_target), `fence.cpp`; `AP_BattMonitor.cpp`; `AC_Fence.cpp` (var_info, check),
+`AC_PolyFence_loader.cpp` (breached); `AP_Common/Location.h` (LOCATION_SCALING_FACTOR);
+measurements.
 """
 
 from __future__ import annotations
@@ -16,10 +17,35 @@ from dataclasses import dataclass
 
 from ..telemetry import Failsafe
 from ..types import AutopilotKind, GeodeticPoint, Vector
-from . import ardupilot_parameters
 from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
+from .parameter_rules import (
+    CLIMBING,
+    FALLS,
+    LANDS,
+    NOTHING,
+    RETURNS,
+    UNTIL_IT_FALLS,
+    Case,
+    Judge,
+    Level,
+    Reaction,
+    Rule,
+    Verdict,
+    bits,
+    cell_voltage,
+    choice,
+    excepted,
+    excepts_us,
+    follows_setpoints,
+    reaction,
+    shown,
+    speed_limits,
+    switch,
+    time_on_last_setpoint,
+    where_zero,
+)
 from .profile import FailsafeText, Profile
 
 KIND = AutopilotKind("ardupilot")
@@ -47,31 +73,35 @@ DEFAULTS = {
 """Parameters and their defaults in 4.6.3."""
 _RC_IN_GUIDED = 1 << 2
 """Bit of FS_OPTIONS: GUIDED continues without the remote control. The GCS has no such bit."""
+_BRAKES = Reaction(AutopilotAction.HOLD, "brake, or land")
+_SMART_RETURN = Reaction(AutopilotAction.RETURN, f"smart return, or {CLIMBING}")
+_SMART_RETURN_OR_LAND = Reaction(AutopilotAction.LAND, "smart return on the flown path, or land")
+"""A smart return counts as its fallback: ArduPilot does not report if it has a path (SRTL_POINTS, a
+full buffer), and on that path it cuts corners by SRTL_ACCURACY, 2 m."""
+_LANDING_SEQUENCE = Reaction(AutopilotAction.RETURN, f"landing sequence, or {CLIMBING}")
 _ACTIONS = {
-    0: AutopilotAction.NONE,
-    1: AutopilotAction.LAND,
-    2: AutopilotAction.RETURN,
-    3: AutopilotAction.RETURN,
-    4: AutopilotAction.LAND,
-    5: AutopilotAction.FALL,
-    6: AutopilotAction.RETURN,
-    7: AutopilotAction.HOLD,
+    0: NOTHING,
+    1: LANDS,
+    2: RETURNS,
+    3: _SMART_RETURN,
+    4: _SMART_RETURN_OR_LAND,
+    5: FALLS,
+    6: _LANDING_SEQUENCE,
+    7: _BRAKES,
 }
-"""FailsafeAction: of the battery and of dead reckoning. A smart return (3, 4) counts as its
-fallback: ArduPilot does not report if it has a path (SRTL_POINTS, a full buffer), and on that path
-it cuts corners by SRTL_ACCURACY, 2 m."""
+"""FailsafeAction: of the battery and of dead reckoning."""
 _RADIO = {
-    0: AutopilotAction.NONE,
-    1: AutopilotAction.RETURN,
-    2: AutopilotAction.RETURN,
-    3: AutopilotAction.LAND,
-    4: AutopilotAction.RETURN,
-    5: AutopilotAction.LAND,
-    6: AutopilotAction.RETURN,
-    7: AutopilotAction.HOLD,
+    0: NOTHING,
+    1: RETURNS,
+    2: RETURNS,
+    3: LANDS,
+    4: _SMART_RETURN,
+    5: _SMART_RETURN_OR_LAND,
+    6: _LANDING_SEQUENCE,
+    7: _BRAKES,
 }
 """FS_THR_ENABLE; any other value lands."""
-_GROUND_STATION = {**_RADIO, 3: AutopilotAction.RETURN, 4: AutopilotAction.LAND}
+_GROUND_STATION = {**_RADIO, 3: _SMART_RETURN, 4: _SMART_RETURN_OR_LAND, 5: LANDS}
 """FS_GCS_ENABLE; any other value returns."""
 _DRIFT_M = 5.3
 """Drift after the loss of GPS until the estimator failsafe has landed; measured on 4.6.3."""
@@ -100,15 +130,15 @@ _ALTITUDE_MAX, _CIRCLE, _AREAS, _ALTITUDE_MIN = 1, 2, 4, 8
 """Bits of FENCE_TYPE."""
 _INCLUSION_UNION = 2
 """Bit of FENCE_OPTIONS: the union of the inclusion areas counts."""
-_FENCE_ACTIONS = {
-    0: "report",
-    1: "return or land",
-    2: "land",
-    3: "smart return or return or land",
-    4: "brake or land",
-    5: "smart return or land",
+_FENCE = {
+    0: (Reaction(AutopilotAction.NONE, "a report only"), "report"),
+    1: (RETURNS, "return or land"),
+    2: (LANDS, "land"),
+    3: (_SMART_RETURN, "smart return or return or land"),
+    4: (_BRAKES, "brake or land"),
+    5: (_SMART_RETURN_OR_LAND, "smart return or land"),
 }
-"""FENCE_ACTION."""
+"""FENCE_ACTION: the reaction, and the fence's text."""
 _RADIUS_M = 6_378_100.0
 _GUIDED, _LAND = 4, 9
 _MODES = {
@@ -228,7 +258,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         thresholds = value[volts] > 0.0 or value[left_mah] > 0.0
         yield FailsafeAction(
             trigger=trigger,
-            action=_ACTIONS.get(int(value[name]) if thresholds else 0, AutopilotAction.NONE),
+            action=_ACTIONS.get(int(value[name]) if thresholds else 0, NOTHING).action,
             setting=f"{name} {value[name]:g}",
             remedy=f"{name} 0 (nothing)",
             charge=min(1.0, value[left_mah] / capacity_mah)
@@ -240,7 +270,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     if not int(value["FS_OPTIONS"]) & _RC_IN_GUIDED:
         yield FailsafeAction(
             trigger=Trigger.RC_LOSS,
-            action=_RADIO.get(int(value["FS_THR_ENABLE"]), AutopilotAction.LAND),
+            action=_RADIO.get(int(value["FS_THR_ENABLE"]), LANDS).action,
             setting=f"FS_THR_ENABLE {value['FS_THR_ENABLE']:g}",
             remedy=f"FS_OPTIONS {int(value['FS_OPTIONS']) | _RC_IN_GUIDED}, "
             "or FS_THR_ENABLE 7 (brake)",
@@ -248,7 +278,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         )
     yield FailsafeAction(
         trigger=Trigger.GCS_LOSS,
-        action=_GROUND_STATION.get(int(value["FS_GCS_ENABLE"]), AutopilotAction.RETURN),
+        action=_GROUND_STATION.get(int(value["FS_GCS_ENABLE"]), RETURNS).action,
         setting=f"FS_GCS_ENABLE {value['FS_GCS_ENABLE']:g}",
         remedy="FS_GCS_ENABLE 7 (brake)",
         home=home,
@@ -257,7 +287,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         # Dead reckoning needs a wind estimate, which a copter has only by its drag.
         yield FailsafeAction(
             trigger=Trigger.GPS_LOSS,
-            action=_ACTIONS.get(int(value["FS_DR_ENABLE"]), AutopilotAction.NONE),
+            action=_ACTIONS.get(int(value["FS_DR_ENABLE"]), NOTHING).action,
             setting=f"FS_DR_ENABLE {value['FS_DR_ENABLE']:g}",
             remedy="FS_DR_ENABLE 0",
             home=home,
@@ -319,10 +349,175 @@ def _fence(
         areas=areas if chosen & _AREAS else (),
         union=bool(int(values["FENCE_OPTIONS"]) & _INCLUSION_UNION),
         margin_m=max(0.0, values["FENCE_MARGIN"]),
-        action=_FENCE_ACTIONS.get(int(values["FENCE_ACTION"]), "return or land"),
+        action=_FENCE.get(int(values["FENCE_ACTION"]), _FENCE[1])[1],
         unreported=unreported,
     )
 
+
+def _variance(value: float, _: Case) -> Verdict:
+    if value <= 0.0:
+        return Level.NO_GO, f"{value:g} (off)"
+    return (Level.OK if value <= 1.0 else Level.WARNING), f"{value:g}"
+
+
+def _battery_action(table: Mapping[int, Reaction], stage: str) -> Judge:
+    """Judges a battery's action; warns if its stage has no threshold: it then has no effect."""
+    return where_zero(
+        reaction(table, none=Level.NOTE, returns=Level.NOTE),
+        (f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH"),
+        lambda level: max(level, Level.WARNING),
+        "without effect",
+    )
+
+
+_FLIES_ON = "nothing, ArduPilot flies on for FS_DR_TIMEOUT"
+_RULES = (
+    Rule(
+        parameter="GUID_TIMEOUT",
+        judge=time_on_last_setpoint,
+        meaning="time for which ArduPilot follows the last setpoint after a companion failure",
+        remedy="set 0.5",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="GUID_OPTIONS",
+        judge=bits(
+            0b110000,
+            clear=(Level.OK, "both are held"),
+            is_set=(Level.NO_GO, "not held, by bit 4 or 5"),
+        ),
+        meaning="hold of position and velocity in GUIDED",
+        remedy="clear bits 4 and 5",
+        unknown=Level.NO_GO,
+    ),
+    excepts_us("FS_OPTIONS", "remote control", "GUIDED"),
+    Rule(
+        parameter="FS_THR_ENABLE",
+        judge=excepted(reaction(_RADIO, none=Level.WARNING), ("FS_OPTIONS", 2), "not in GUIDED"),
+        meaning="ArduPilot's action when the remote control is lost",
+        remedy="set 3 (land) or 7 (brake, or land)",
+    ),
+    Rule(
+        parameter="FS_GCS_ENABLE",
+        judge=reaction(_GROUND_STATION),
+        meaning="ArduPilot's action when the ground station is lost",
+        remedy="set 5 (land), 7 (brake, or land) or 0 (nothing)",
+    ),
+    Rule(
+        parameter="FS_EKF_ACTION",
+        judge=choice(
+            {
+                0: (Level.NO_GO, "a report only"),
+                1: (Level.OK, "land"),
+                2: (Level.WARNING, "altitude hold, which drifts with the wind"),
+                3: (Level.OK, "land"),
+            }
+        ),
+        meaning="ArduPilot's action when its position is lost",
+        remedy="set 1 (land)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="FS_EKF_THRESH",
+        judge=_variance,
+        meaning="variance of the estimator at which that action starts",
+        remedy="set 0.8",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="FS_DR_ENABLE",
+        judge=reaction(
+            {**_ACTIONS, 0: Reaction(AutopilotAction.NONE, _FLIES_ON)}, none=Level.WARNING
+        ),
+        meaning="ArduPilot's action with GPS lost, when its position estimate uses the wind alone",
+        remedy="set 1 (land)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="FENCE_ENABLE",
+        judge=bits(1, clear=(Level.OK, "off"), is_set=(Level.OK, "on")),
+        meaning="ArduPilot's fence",
+    ),
+    Rule(
+        parameter="FENCE_ACTION",
+        judge=where_zero(
+            reaction({value: row for value, (row, _) in _FENCE.items()}),
+            ("FENCE_ENABLE",),
+            lambda level: min(level, Level.NOTE),
+            "once the fence is on",
+        ),
+        meaning="ArduPilot's action at its fence",
+        remedy="set 4 (brake, or land)",
+    ),
+    Rule(
+        parameter="BATT_MONITOR",
+        judge=switch(off=Level.NO_GO),
+        meaning="the battery monitor's type; 0 is none",
+        remedy="set up the battery monitor",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="BATT_FS_LOW_ACT",
+        judge=_battery_action(_ACTIONS, "LOW"),
+        meaning="ArduPilot's action on a low battery",
+        remedy="set 1 (land) or 0 (nothing), and BATT_LOW_VOLT or BATT_LOW_MAH",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="BATT_FS_CRT_ACT",
+        judge=_battery_action(
+            {**_ACTIONS, 0: Reaction(AutopilotAction.NONE, f"nothing: {UNTIL_IT_FALLS}")}, "CRT"
+        ),
+        meaning="ArduPilot's action on a critical battery",
+        remedy="set 1 (land) or 0 (nothing), and BATT_CRT_VOLT or BATT_CRT_MAH",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="BATT_LOW_VOLT",
+        judge=cell_voltage(3.3),
+        meaning="the voltage of a low battery",
+        remedy="set 3.5 V a cell",
+    ),
+    Rule(
+        parameter="BATT_CRT_VOLT",
+        judge=cell_voltage(3.1),
+        meaning="the voltage of a critical battery",
+        remedy="set 3.3 V a cell",
+    ),
+    *(
+        Rule(
+            parameter=name,
+            judge=shown("mAh"),
+            meaning=f"the charge of a {stage} battery; 0 is none",
+        )
+        for name, stage in (("BATT_LOW_MAH", "low"), ("BATT_CRT_MAH", "critical"))
+    ),
+    Rule(
+        parameter="RTL_ALT",
+        judge=shown("m", scale=0.01),
+        meaning="the height above home to which every return climbs first",
+        unknown=Level.NOTE,
+    ),
+    *speed_limits(
+        "ArduPilot",
+        ("WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN"),
+        scale=0.01,
+        unknown=Level.NOTE,
+    ),
+    *follows_setpoints(
+        "ArduPilot", (("WPNAV_ACCEL", "level"), ("WPNAV_ACCEL_Z", "up and down")), 0.01
+    ),
+    *(
+        Rule(
+            parameter=name,
+            judge=switch(off=Level.NOTE),
+            meaning="drag for ArduPilot's wind estimate; without it the companion estimates it",
+            unknown=Level.NOTE,
+        )
+        for name in ("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF")
+    ),
+)
+"""In the order of the report."""
 
 PROFILE = Profile(
     kind=KIND,
@@ -396,5 +591,5 @@ PROFILE = Profile(
         "FENCE_TYPE",
     ),
     read_fence=_fence,
-    rules=ardupilot_parameters.RULES,
+    rules=_RULES,
 )

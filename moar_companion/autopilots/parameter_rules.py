@@ -1,7 +1,7 @@
 """Rules by which `check` judges parameters: value in, level and text out. Pure.
 
-The tables are `px4_parameters` and `ardupilot_parameters`. Only reported values are judged: a
-parameter that was not reported is unknown, and never taken for its default.
+The file of each autopilot has its table. Only reported values are judged: a parameter that was not
+reported is unknown, and never taken for its default.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .failsafe_actions import AutopilotAction
 from .offboard_loss import OffboardLoss, follows
 
 CLIMBS = "which climbs first, perhaps through conductors"
 CLIMBING = f"return, {CLIMBS}"
-FALLING = "motors off: the aircraft falls"
 UNTIL_IT_FALLS = (
     "the companion flies the exit before; without it the aircraft flies on until it falls"
 )
@@ -92,6 +92,39 @@ class Rule(NamedTuple):
     """Shown from a warning on."""
     unknown: Level = Level.WARNING
     """Level of a parameter that was not reported: a no-go if its value may be one."""
+
+
+class Reaction(NamedTuple):
+    """Reaction of the autopilot by a value of a parameter: its action, and the report's words."""
+
+    action: AutopilotAction
+    words: str
+
+
+NOTHING = Reaction(AutopilotAction.NONE, "nothing")
+WARNS = Reaction(AutopilotAction.NONE, "a warning")
+HOLDS = Reaction(AutopilotAction.HOLD, "hold")
+LANDS = Reaction(AutopilotAction.LAND, "land")
+RETURNS = Reaction(AutopilotAction.RETURN, CLIMBING)
+FALLS = Reaction(AutopilotAction.FALL, "motors off: the aircraft falls")
+
+
+def reaction(
+    table: Mapping[int, Reaction],
+    *,
+    none: Level = Level.OK,
+    returns: Level = Level.WARNING,
+    falls: Level = Level.NO_GO,
+) -> Judge:
+    """Judges by the reaction to a value; none, returns, falls: levels of these actions."""
+    levels = {
+        AutopilotAction.NONE: none,
+        AutopilotAction.RETURN: returns,
+        AutopilotAction.FALL: falls,
+    }
+    return choice(
+        {value: (levels.get(row.action, Level.OK), row.words) for value, row in table.items()}
+    )
 
 
 def choice(verdicts: Mapping[int, Verdict]) -> Judge:

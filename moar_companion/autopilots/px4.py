@@ -1,6 +1,7 @@
-"""PX4: its modes, messages, failsafes, fence, frame and flight. `px4_parameters` has check's rules.
+"""PX4: its modes, messages, failsafes, fence, frame and flight, and the rules of check.
 
-Sources: PX4 v1.17, `px4_custom_mode.h`; `geo.h` (CONSTANTS_RADIUS_OF_EARTH);
+Sources: PX4 v1.17, "Safety configuration (failsafes)" and the parameters' descriptions;
+`px4_custom_mode.h`; `geo.h` (CONSTANTS_RADIUS_OF_EARTH);
 `src/modules/commander/failsafe/failsafe.cpp` (fromNavDllOrRclActParam,
 fromBatteryWarningActParam, fromOffboardLossActParam, checkModeFallback), `framework.cpp`
 (getSelectedAction), `HealthAndArmingChecks/checks/offboardCheck.cpp`, `navigator/rtl.cpp`;
@@ -15,10 +16,33 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ..types import AutopilotKind, GeodeticPoint, Vector
-from . import px4_parameters
 from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
+from .parameter_rules import (
+    CLIMBING,
+    CLIMBS,
+    FALLS,
+    HOLDS,
+    LANDS,
+    NOTHING,
+    RETURNS,
+    UNTIL_IT_FALLS,
+    WARNS,
+    Case,
+    Level,
+    Reaction,
+    Rule,
+    Verdict,
+    bits,
+    excepted,
+    excepts_us,
+    reaction,
+    shown,
+    speed_limits,
+    switch,
+    time_on_last_setpoint,
+)
 from .profile import Profile
 
 KIND = AutopilotKind("px4")
@@ -44,35 +68,32 @@ _DRIFT_M = 4.5
 """Drift after the loss of GPS in OFFBOARD until landing; measured on v1.17."""
 _OFFBOARD_BIT = 4
 """Bit of COM_RCL_EXCEPT and COM_DLL_EXCEPT."""
-_OFFBOARD_LOSS = {
-    0: None,
-    1: None,
-    2: None,
-    3: AutopilotAction.RETURN,
-    4: AutopilotAction.LAND,
-    5: AutopilotAction.HOLD,
-    6: AutopilotAction.FALL,
-    7: AutopilotAction.FALL,
+_OFFBOARD_LOSS: dict[int, tuple[AutopilotAction | None, str]] = {
+    0: (None, "position mode; without sticks by NAV_RCL_ACT"),
+    1: (None, "altitude mode; without sticks by NAV_RCL_ACT"),
+    2: (None, "stabilized mode; without sticks by NAV_RCL_ACT"),
+    3: (AutopilotAction.RETURN, "return"),
+    4: (AutopilotAction.LAND, "land"),
+    5: (AutopilotAction.HOLD, "hold"),
+    6: (AutopilotAction.FALL, "terminate"),
+    7: (AutopilotAction.FALL, "disarm"),
 }
-"""COM_OBL_RC_ACT; None: a mode with sticks, and without them that of NAV_RCL_ACT. Any other value
-counts as a return."""
-_LINK_LOSS = {
-    0: AutopilotAction.NONE,
-    1: AutopilotAction.HOLD,
-    2: AutopilotAction.RETURN,
-    3: AutopilotAction.LAND,
-    5: AutopilotAction.FALL,
-    6: AutopilotAction.FALL,
+"""COM_OBL_RC_ACT, by PX4's names; None: a mode with sticks, and without them NAV_RCL_ACT."""
+_UNKNOWN_LOSS = (AutopilotAction.RETURN, "unknown value, taken as a return")
+_RC_LOSS = {1: HOLDS, 2: RETURNS, 3: LANDS, 5: FALLS, 6: FALLS}
+"""NAV_RCL_ACT; any other value means no action."""
+_GCS_LOSS = {0: NOTHING, **_RC_LOSS}
+"""NAV_DLL_ACT."""
+_LOW_BATTERY = {
+    0: Reaction(AutopilotAction.NONE, f"a warning: {UNTIL_IT_FALLS}"),
+    1: RETURNS,
+    2: LANDS,
+    3: Reaction(AutopilotAction.RETURN, f"{CLIMBING}; land when nearly empty"),
 }
-"""NAV_RCL_ACT, NAV_DLL_ACT; any other value means no action."""
-_BATTERY = {
-    1: (AutopilotAction.RETURN, AutopilotAction.RETURN),
-    2: (AutopilotAction.LAND, AutopilotAction.LAND),
-    3: (AutopilotAction.RETURN, AutopilotAction.LAND),
-}
-"""COM_LOW_BAT_ACT: at BAT_CRIT_THR, at BAT_EMERGEN_THR; at BAT_LOW_THR PX4 only warns."""
-
-
+"""COM_LOW_BAT_ACT: at BAT_CRIT_THR, and but for 3 at BAT_EMERGEN_THR; at BAT_LOW_THR PX4 warns."""
+_LANDS_WHEN_NEARLY_EMPTY = 3
+_LIMIT_REACHED = {0: NOTHING, 1: WARNS, 2: HOLDS, 3: RETURNS, 4: FALLS, 5: LANDS}
+"""GF_ACTION, COM_WIND_MAX_ACT; and of these 0, 1 and 3 COM_FLTT_LOW_ACT."""
 _LOSS_DEFAULTS = {
     "COM_OBL_RC_ACT": DEFAULTS["COM_OBL_RC_ACT"],
     "MPC_ACC_HOR": 3.0,
@@ -93,7 +114,7 @@ _SWITCH_S2PM = 0.1
 _HARD_MPS2 = 3.0
 """Default of MPC_ACC_HOR: v^2 / 2a is longer with a lower value."""
 _FENCE_ACTIONS = {0: "nothing", 1: "warn", 2: "hold", 3: "return", 4: "terminate", 5: "land"}
-"""GF_ACTION."""
+"""GF_ACTION, for the fence's text."""
 _FENCE_HOLD = 2
 _RADIUS_M = 6_371_000.0
 _MAIN_MODES = {
@@ -198,10 +219,10 @@ class Px4Return:
 
 def _loss_action(value: Mapping[str, float]) -> AutopilotAction:
     """Action without setpoints and sticks."""
-    action = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), AutopilotAction.RETURN)
+    action, _ = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), _UNKNOWN_LOSS)
     if action is None:
-        action = _LINK_LOSS.get(int(value["NAV_RCL_ACT"]), AutopilotAction.RETURN)
-    return AutopilotAction.RETURN if action is AutopilotAction.NONE else action
+        return _RC_LOSS.get(int(value["NAV_RCL_ACT"]), RETURNS).action
+    return action
 
 
 def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLoss:
@@ -248,11 +269,11 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     """Yields PX4's failsafe actions in OFFBOARD, by the values of all parameters of DEFAULTS."""
     home = Px4Return.of(value)
     battery = int(value["COM_LOW_BAT_ACT"])
-    for trigger, threshold, action in zip(
-        (Trigger.CRITICAL_BATTERY, Trigger.EMERGENCY_BATTERY),
-        ("BAT_CRIT_THR", "BAT_EMERGEN_THR"),
-        _BATTERY.get(battery, (AutopilotAction.NONE, AutopilotAction.NONE)),
-        strict=True,
+    critical = _LOW_BATTERY.get(battery, NOTHING).action
+    emergency = AutopilotAction.LAND if battery == _LANDS_WHEN_NEARLY_EMPTY else critical
+    for trigger, threshold, action in (
+        (Trigger.CRITICAL_BATTERY, "BAT_CRIT_THR", critical),
+        (Trigger.EMERGENCY_BATTERY, "BAT_EMERGEN_THR", emergency),
     ):
         yield FailsafeAction(
             trigger=trigger,
@@ -262,15 +283,15 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
             charge=value[threshold],
             home=home,
         )
-    for trigger, name, excepts in (
-        (Trigger.RC_LOSS, "NAV_RCL_ACT", "COM_RCL_EXCEPT"),
-        (Trigger.GCS_LOSS, "NAV_DLL_ACT", "COM_DLL_EXCEPT"),
+    for trigger, name, excepts, table in (
+        (Trigger.RC_LOSS, "NAV_RCL_ACT", "COM_RCL_EXCEPT", _RC_LOSS),
+        (Trigger.GCS_LOSS, "NAV_DLL_ACT", "COM_DLL_EXCEPT", _GCS_LOSS),
     ):
         if int(value[excepts]) & _OFFBOARD_BIT:
             continue
         yield FailsafeAction(
             trigger=trigger,
-            action=_LINK_LOSS.get(int(value[name]), AutopilotAction.NONE),
+            action=table.get(int(value[name]), NOTHING).action,
             setting=f"{name} {value[name]:g}",
             remedy=f"{name} 1 (hold), or {excepts} {int(value[excepts]) | _OFFBOARD_BIT}",
             home=home,
@@ -293,6 +314,144 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         home=home,
     )
 
+
+def _forwarding(value: float, case: Case) -> Verdict:
+    if not value and case.ground_station_received:
+        return Level.OK, "0, but a ground station is received"
+    return (Level.OK if value else Level.WARNING), f"{value:g}"
+
+
+def _critical_battery(value: float, case: Case) -> Verdict:
+    full = case.battery_full
+    words = f"{value:.0%}, where the companion's battery risk is full at {full:.0%}"
+    return (Level.OK if value < full else Level.WARNING), words
+
+
+_THEREFORE = {AutopilotAction.RETURN: f", {CLIMBS}", AutopilotAction.FALL: ": the aircraft falls"}
+
+
+def _companion_loss(value: float, case: Case) -> Verdict:
+    action = case.loss.action
+    _, word = _OFFBOARD_LOSS.get(int(value), _UNKNOWN_LOSS)
+    level = Level.WARNING if action is AutopilotAction.RETURN else Level.OK
+    if case.loss.objection_anywhere is not None:
+        level = case.objection
+    return level, f"{value:g} ({word}{_THEREFORE.get(action, '')})"
+
+
+_RULES = (
+    Rule(
+        parameter="COM_OF_LOSS_T",
+        judge=time_on_last_setpoint,
+        meaning="time for which PX4 keeps the last setpoint after a companion failure",
+        remedy="set 0.5",
+    ),
+    Rule(
+        parameter="COM_OBL_RC_ACT",
+        judge=_companion_loss,
+        meaning="PX4's action after a companion failure",
+        remedy="set 5 (hold)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="COM_RC_OVERRIDE",
+        judge=bits(
+            0b10,
+            clear=(Level.WARNING, "not in OFFBOARD, where only the mode switch takes over"),
+            is_set=(Level.OK, "in OFFBOARD, too"),
+        ),
+        meaning="take-over by the sticks",
+        remedy="set 3",
+    ),
+    excepts_us("COM_RCL_EXCEPT", "remote control", "OFFBOARD"),
+    Rule(
+        parameter="NAV_RCL_ACT",
+        judge=excepted(reaction(_RC_LOSS), ("COM_RCL_EXCEPT", 2), "not in OFFBOARD"),
+        meaning="PX4's action when the remote control is lost",
+        remedy="set 1 (hold) or 3 (land)",
+        unknown=Level.NO_GO,
+    ),
+    excepts_us("COM_DLL_EXCEPT", "ground station", "OFFBOARD"),
+    Rule(
+        parameter="NAV_DLL_ACT",
+        judge=excepted(reaction(_GCS_LOSS), ("COM_DLL_EXCEPT", 2), "not in OFFBOARD"),
+        meaning="PX4's action when the ground station is lost",
+        remedy="set 1 (hold), 3 (land) or 0 (nothing)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="GF_ACTION",
+        judge=reaction(_LIMIT_REACHED),
+        meaning="PX4's action at its fence",
+        remedy="set 2 (hold)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="COM_LOW_BAT_ACT",
+        judge=reaction(_LOW_BATTERY, none=Level.NOTE, returns=Level.NOTE),
+        meaning="PX4's action at BAT_CRIT_THR: order the exit before",
+        remedy="set 2 (land) or 0 (a warning)",
+    ),
+    Rule(
+        parameter="COM_FLTT_LOW_ACT",
+        judge=reaction({value: _LIMIT_REACHED[value] for value in (0, 1, 3)}),
+        meaning="PX4's action when the remaining flight time is that of its return",
+        remedy="set 1 (a warning)",
+        unknown=Level.NOTE,
+    ),
+    Rule(
+        parameter="COM_FLT_TIME_MAX",
+        judge=lambda value, _: (
+            (Level.OK, "off") if value < 0.0 else (Level.WARNING, f"{value:g} s, then {CLIMBING}")
+        ),
+        meaning="the flight time after which PX4 returns",
+        remedy="set -1 (off), or land before",
+        unknown=Level.NOTE,
+    ),
+    Rule(
+        parameter="COM_WIND_MAX_ACT",
+        judge=reaction(_LIMIT_REACHED, falls=Level.WARNING),
+        meaning="PX4's action in more wind than COM_WIND_MAX, if that is above 0",
+        remedy="set 2 (hold)",
+        unknown=Level.NOTE,
+    ),
+    Rule(
+        parameter="BAT_LOW_THR",
+        judge=lambda value, case: (
+            Level.WARNING if value <= (case.parameters.get("BAT_CRIT_THR") or 0.0) else Level.OK,
+            f"{value:.0%}",
+        ),
+        meaning="the charge at which PX4 warns",
+        remedy="set it above BAT_CRIT_THR",
+    ),
+    Rule(
+        parameter="BAT_CRIT_THR",
+        judge=_critical_battery,
+        meaning="the charge at which PX4 takes control of the aircraft",
+        remedy="set it lower, or risk.battery_remaining of the vehicle file higher",
+    ),
+    Rule(
+        parameter="RTL_RETURN_ALT",
+        judge=shown("m"),
+        meaning="the height above home to which every return climbs first",
+        unknown=Level.NOTE,
+    ),
+    *speed_limits("PX4", ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")),
+    Rule(
+        parameter="MAV_1_FORWARD",
+        judge=_forwarding,
+        meaning="forwarding of messages between ground station and companion on TELEM2",
+        remedy="set 1",
+        unknown=Level.NOTE,
+    ),
+    Rule(
+        parameter="EKF2_DRAG_CTRL",
+        judge=switch(off=Level.NOTE),
+        meaning="PX4's wind estimate; without it the companion estimates the wind from the lean",
+        unknown=Level.NOTE,
+    ),
+)
+"""In the order of the report."""
 
 PROFILE = Profile(
     kind=KIND,
@@ -351,5 +510,5 @@ PROFILE = Profile(
     read_failsafes=_actions,
     fence_parameters=("GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST", "GF_SOURCE"),
     read_fence=_fence,
-    rules=px4_parameters.RULES,
+    rules=_RULES,
 )
