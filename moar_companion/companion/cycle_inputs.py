@@ -1,6 +1,7 @@
 """Inputs of a cycle's decisions: for contingency planning, the supervisor and the mission machine.
 
-Reads telemetry, pose, route, risks and the mission status; changes none of them.
+Reads telemetry, pose, route, risks and the mission status; changes none of them. `Faults` keeps the
+causes that occur between two cycles.
 """
 
 from __future__ import annotations
@@ -22,14 +23,53 @@ from ..safety.position_checks import widening_m
 from ..safety.supervisor import Ruling
 from ..site import Margin
 from ..telemetry import LandedState
+from ..text_format import distance
 from ..types import Mission
 from ..vehicle import Vehicle
 from .mode_requester import ModeRequester
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
 from .seen_obstacles import SeenObstacles
+from .setpoint_streamer import SetpointRefusal
 
 ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
+
+
+class Faults:
+    """Causes that no measurement shows, kept until the supervisor has checked them."""
+
+    def __init__(self) -> None:
+        self.causes = Causes()
+
+    def note_pause(self, paused_s: float, limit_s: float) -> None:
+        """Notes a control-loop stall: more than limit_s without an output sent in time.
+
+        Data received meanwhile is old, and the autopilot may have acted on the offboard loss.
+        """
+        if paused_s > limit_s:
+            stalled = f"control loop stalled {distance(paused_s)} s"
+            self.causes = replace(self.causes, loop_stall=stalled)
+
+    def note_mode_left(self, mode: str) -> None:
+        """Notes that the autopilot has left our mode; it may be back in it."""
+        self.causes = replace(self.causes, pilot=f"autopilot was in {mode}")
+
+    def note_restart(self) -> None:
+        """Notes a restart of the autopilot."""
+        self.causes = replace(self.causes, autopilot_reboot="the autopilot restarted")
+
+    def note_refusal(self, refused: SetpointRefusal) -> None:
+        """Notes a setpoint that was not sent."""
+        if refused.rest is None:
+            self.causes = replace(self.causes, setpoint_rejected=refused.reason)
+        elif refused.narrow:
+            self.causes = replace(self.causes, no_clearance=refused.reason)
+        else:
+            self.causes = replace(self.causes, setpoint_held=refused.reason)
+
+    def forget(self) -> None:
+        """Clears the faults after a check."""
+        self.causes = Causes()
 
 
 class CycleInputs:

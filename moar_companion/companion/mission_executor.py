@@ -37,8 +37,7 @@ from ..safety.condition_types import Action
 from ..safety.position_checks import widening_m
 from ..safety.supervisor import Ruling
 from ..vehicle import Vehicle
-from .cycle_inputs import ON_THE_WAY, CycleInputs, escapes
-from .faults import Faults
+from .cycle_inputs import ON_THE_WAY, CycleInputs, Faults, escapes
 from .mission_snapshot import MissionSnapshot
 from .mode_requester import ModeRequester
 from .operator_commands import OperatorCommands, Refused, understood, words

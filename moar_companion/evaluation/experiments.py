@@ -64,7 +64,6 @@ def sweeps(experiment: str, clock: missions.Clock) -> list[Call]:
 def drawings(experiment: str, results: Results) -> list[Call]:
     """The figures of an experiment; each call returns a picture."""
     from .figures import adaptability_figure as risks  # noqa: PLC0415
-    from .figures import flight_figure as flown  # noqa: PLC0415
     from .figures import map_figure  # noqa: PLC0415
     from .figures import sensitivity_figure as weights  # noqa: PLC0415
 
@@ -72,7 +71,7 @@ def drawings(experiment: str, results: Results) -> list[Call]:
         "maps": [(map_figure.figure_maps, (number,)) for number in range(1, len(ENVIRONMENTS) + 1)],
         "sensitivity": [(draw, (results.sensitivity,)) for draw in weights.FIGURES],
         "adaptability": [(draw, (results.adaptability,)) for draw in risks.FIGURES],
-        "flight": [(flown.figure_9, (results.flight,))],
+        "flight": [(map_figure.figure_9, (results.flight,))],
     }
     return calls.get(experiment, [])
 

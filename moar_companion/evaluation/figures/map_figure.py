@@ -1,4 +1,4 @@
-"""Fig. 2 to 5 of the paper: cost terms, safety cost, speed map, graph and actions."""
+"""Fig. 2 to 5 and 9 of the paper: cost terms, safety cost, speed map, graph, actions, a flight."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from ...outlets.figure import INK, page_style
+from ...outlets.site_axes import draw_plane, view_of
 from ...planner.graph import heading_speeds_mps
 from ...planner.grid import FloatArray
 from ...planner.planner import Planner
 from ...types import Mission
+from ..flight import FlightTest
 from ..scenes import SPLICES, Scene, problem
 from .drawing import Picture, draw_conductors, new_figure, paint, picture, set_up_plane
 
@@ -20,6 +22,7 @@ _ARROW = "#2bff4a"
 _ARROWS_EACH_M = 5.1
 _LONGEST_M, _SHORTEST_M = 2.4, 0.1
 _WINDOW_M = 4.5
+_FLOWN = ("#1f5fd0", "#c51b8a")
 
 
 def figure_maps(environment: int) -> Picture:
@@ -145,3 +148,31 @@ def _draw_graph(axes: Any, planner: Planner) -> None:
                 zorder=6,
             )
     draw_conductors(axes, site)
+
+
+def figure_9(result: FlightTest) -> Picture:
+    """The flight over the safety map."""
+    planner, plan = result.planner, result.plan
+    site = planner.site
+    with page_style():
+        figure = new_figure(8.6, 7.4)
+        axes = figure.subplots()
+        heat = draw_plane(axes, site, planner.maps, view_of(site, planner.vehicle, []))
+        axes.plot(
+            *plan.waypoints.position_m.T, color="#202020", linewidth=3.4, label="planned", zorder=6
+        )
+        for (autopilot, flight), colour in zip(result.flown.items(), _FLOWN, strict=False):
+            axes.plot(
+                *flight.places_m.T, color=colour, linewidth=1.4, label=f"flown, {autopilot}",
+                zorder=7,
+            )  # fmt: skip
+        axes.plot(*site.targets[0].position_m, "*", color="#ffd23f", markersize=13, zorder=8)
+        axes.legend(loc="lower right", fontsize=8.5)
+        figure.colorbar(heat, ax=axes, label="safety cost", shrink=0.9)
+        return picture(
+            figure,
+            "fig9_flight",
+            "Fig. 9: the flight",
+            "Planned inspection trajectory towards the top left conductor, and flights of the "
+            "companion in lockstep with the fake autopilots.",
+        )
