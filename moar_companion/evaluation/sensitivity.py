@@ -29,7 +29,7 @@ LEVELS = 21
 SHOWN = ("length_m", "duration_s", "mean_clearance_m", "velocity_change_mps")
 """The metrics of Fig. 7, in its order."""
 _TOLERANCE = 1e-9
-"""Costs closer than this, relative, are equal (planner page, Optimality)."""
+"""Costs closer than this, relative, are equal."""
 _BEYOND = 0.1
 """Distance of the hypervolume's reference beyond the front, as part of its range."""
 

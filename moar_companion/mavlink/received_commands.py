@@ -45,7 +45,7 @@ _DECISION_TIMEOUT_S = 10.0
 _MAX_REMEMBERED = 64
 _PROGRESS_UNKNOWN = 255
 _IN_PROGRESS_AFTER_S = 0.2
-"""Time of execution without an answer after which it is answered IN_PROGRESS (contract)."""
+"""Time of execution without an answer after which it is answered IN_PROGRESS."""
 _COMMAND_CANCEL = 80
 
 Accepted = MissionCommand | PauseContinue

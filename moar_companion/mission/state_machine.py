@@ -1,4 +1,4 @@
-"""The mission machine: transitions between the states of the contract.
+"""The mission machine: transitions between the states of a mission.
 
 A pure step machine: `command`, `planned`, `unplanned` and `tick` take the present status and an
 event, and return the next status with the effects that the companion carries out. The supervisor's

@@ -1,4 +1,4 @@
-"""Values of a replay of a recording, and their JSON (contract).
+"""Values of a replay of a recording, and their JSON (`replay --json`).
 
 All times are seconds since the recording's first packet, and never go back.
 """

@@ -21,7 +21,7 @@ from .plan_values import Cost
 MOST_PLANS = 64
 """Limit of the plans of one calibration; gaps that are then left are small ones of a long front."""
 _TOLERANCE = 1e-9
-"""Costs closer than this, relative, are equal (planner page, Optimality)."""
+"""Costs closer than this, relative, are equal."""
 
 Solve = Callable[[Weights], Cost]
 

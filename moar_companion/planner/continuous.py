@@ -1,4 +1,4 @@
-"""J of a continuous path (planner page, Metrics): for planners without a grid, and for this one.
+"""J of a continuous path: for planners without a grid, and for this one.
 
 Inputs: the maps of a site and points in its plane, joined by straight legs. Output: the sums of J,
 infinite for a path that leaves the free cells. `polyline` defines the samples of a leg.

@@ -2,9 +2,8 @@
 
 A gust, a low take-off, a pilot or a new obstacle can bring the vehicle to such a place.
 
-The escape leg is the shortest straight one to a free cell along which the clearance never decreases
-(planner page, "Starts in flight"). It enters no keep-out. If it begins in a keep-out, it comes no
-nearer to that obstacle.
+The escape leg is the shortest straight one to a free cell along which the clearance never
+decreases. It enters no keep-out. If it begins in a keep-out, it comes no nearer to that obstacle.
 
 The recovery leg leads back a vehicle that is outside the workspace or too low: first straight up to
 the minimum altitude, then by the shortest straight leg to a free cell. It enters no keep-out. Both

@@ -1,7 +1,7 @@
 """Plane geometry of obstacles: distances, hulls, rectangles. Arrays of points are (..., 2).
 
 Distances are to the obstacle's surface: a conductor is a disc, a polygon is filled; inside they
-are 0 (planner page, Maps).
+are 0.
 """
 
 from __future__ import annotations

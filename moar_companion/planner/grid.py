@@ -22,7 +22,7 @@ IntArray = npt.NDArray[np.integer[Any]]
 BoolArray = npt.NDArray[np.bool_]
 
 TOLERANCE = 1e-9
-"""Comparisons with a limit count within this (planner page, Space)."""
+"""Comparisons with a limit count within this."""
 
 STOP = 0
 """The heading of the action that stays in its cell, at rest."""

@@ -57,7 +57,7 @@ class Metrics:
     velocity_change_mps: float
 
     def to_dict(self) -> dict[str, float | None]:
-        """The metrics in the form of the contract; an infinite clearance is null."""
+        """The metrics as JSON has them; an infinite clearance is null."""
         return {
             name: value if math.isfinite(value) else None for name, value in asdict(self).items()
         }
@@ -103,7 +103,7 @@ class Waypoints:
     time_s: FloatArray
 
     def to_list(self) -> list[dict[str, float]]:
-        """The points in the form of the contract."""
+        """The points as JSON has them."""
         return [
             {"x_m": x, "z_m": z, "speed_mps": speed, "time_s": time}
             for (x, z), speed, time in zip(
@@ -204,7 +204,7 @@ class Plan:
         return self.request.weights
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan in the form of the contract."""
+        """The plan as JSON has it."""
         return {
             "site": self.site,
             "mission": self.mission.value,
@@ -229,7 +229,7 @@ class Plan:
         }
 
     def to_json(self) -> str:
-        """The plan as the JSON document of the contract."""
+        """The JSON document of `moar-companion plan --json`."""
         return json.dumps(self.to_dict(), allow_nan=False)
 
 

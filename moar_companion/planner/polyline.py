@@ -1,9 +1,9 @@
 """The compiled loops over straight legs: their cost, their obstacles, cheaper paths.
 
-J of a path of straight legs (planner page, Metrics): a leg is sampled at equal distances. SC and
-v_sat are interpolated bilinearly between the cells' centres, v_max linearly over the leg's
-elevation. Trapezoids sum the costs of distance and time. The velocity's change is summed from
-sample to sample and, as a vector, from leg to leg.
+J of a path of straight legs: a leg is sampled at equal distances. SC and v_sat are interpolated
+bilinearly between the cells' centres, v_max linearly over the leg's elevation. Trapezoids sum the
+costs of distance and time. The velocity's change is summed from sample to sample and, as a vector,
+from leg to leg.
 """
 
 from __future__ import annotations

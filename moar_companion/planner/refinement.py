@@ -1,8 +1,8 @@
 """A plan's path at any angle: bent and straightened, off the cells' centres, where that lowers J.
 
 Inputs: a planner's maps and a plan of theirs. Output: straight legs from the start of the plan to
-its goal. Their J as a continuous path (planner page, Metrics) is at most that of the plan's own
-path. It is a local optimum, found from the plan's path.
+its goal. Their J as a continuous path (`polyline`) is at most that of the plan's own path. It is a
+local optimum, found from the plan's path.
 
 The path meets the limits of a path on the grid. It touches no occupied cell, and stays in the
 workspace and above the minimum altitude. It comes no nearer to an obstacle than the occupied

@@ -1,9 +1,8 @@
 """Goal regions of exit and evacuation, and the legs that lead from them to a landing point.
 
-Source: paper, Section IV-B (grid edges visible from the landing point); the planner page, "Goal
-regions", decides what the paper leaves open. The straight leg from a cell's outer edge to the
-landing point decides visibility. The flown leg ends at rest above that point; it, too, must clear
-every obstacle, down to the landing point.
+Source: paper, Section IV-B (grid edges visible from the landing point). What the paper leaves open:
+the straight leg from a cell's outer edge to the landing point decides visibility. The flown leg
+ends at rest above that point; it, too, must clear every obstacle, down to the landing point.
 """
 
 from __future__ import annotations

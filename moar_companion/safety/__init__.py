@@ -1,1 +1,1 @@
-"""Pure: checks, the table of conditions, the supervisor, the setpoint gate, offboard loss."""
+"""Pure: checks, the table of conditions, the supervisor, the setpoint gate, paths of failsafes."""

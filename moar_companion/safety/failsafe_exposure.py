@@ -32,10 +32,8 @@ from ..power import Meter, PowerModel, is_powered
 from ..telemetry import Telemetry
 from ..text_format import reason_chars, seconds, with_name
 from ..types import AutopilotKind, Vector
-from .failsafe_paths import Hit, failsafe_hit
+from .failsafe_paths import STAYS, Hit, failsafe_hit
 
-_STAYS = frozenset({AutopilotAction.NONE, AutopilotAction.HOLD})
-"""Actions after which the aircraft stays in place."""
 _NEAR_VOLTAGE = 1.03
 """Factor on a voltage threshold: a lithium cell sags by 0.1 V (3 %) when a multirotor climbs."""
 _UNKNOWN_LEAVING_S = 60.0
@@ -230,7 +228,7 @@ def moving(failsafes: Failsafes, received: frozenset[Trigger]) -> Failsafes:
         actions=tuple(
             item
             for item in failsafes.actions
-            if item.action not in _STAYS
+            if item.action not in STAYS
             and (item.trigger in received or item.trigger is not Trigger.RC_LOSS)
         ),
     )

@@ -21,6 +21,8 @@ from ..types import Vector
 _LEAST_M = 1e-9
 """Least length of a path."""
 _DOWN = frozenset({AutopilotAction.LAND, AutopilotAction.DESCEND, AutopilotAction.FALL})
+STAYS = frozenset({AutopilotAction.NONE, AutopilotAction.HOLD})
+"""Actions after which the aircraft stays in place; the others have paths."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +116,7 @@ def paths(
             (np.stack([x_m + aside_m, z_m], axis=1), np.stack([x_m + aside_m, ground_m], axis=1))
             for aside_m in sorted(asides_m, key=abs)
         ]
-    if action is not AutopilotAction.RETURN:
+    if action in STAYS:
         return []
     if home_m is None or home is None:
         return [(places_m, np.stack([x_m, np.full_like(z_m, reach.grid.upper_m[1])], axis=1))]

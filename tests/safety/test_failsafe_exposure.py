@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
-from moar_companion.autopilots.failsafe_actions import Trigger
+from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
 from moar_companion.config import Supervision
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.power import Meter, PowerModel
 from moar_companion.safety.failsafe_exposure import FailsafeExposure
+from moar_companion.safety.failsafe_paths import STAYS, paths
 from moar_companion.telemetry import Battery, PeerHeartbeat, Telemetry
 
 from ..planner.problems import conductor, make_site, make_vehicle
@@ -185,3 +187,12 @@ def test_a_voltage_threshold_has_a_time_with_the_number_of_cells():
 
 def test_the_voltage_of_a_port_without_a_battery_does_not_count():
     assert voltage_reason(POWER, 0.4, 1.0) is None
+
+
+@pytest.mark.parametrize("action", AutopilotAction)
+def test_an_action_has_a_path_unless_it_is_known_to_stay_in_place(action):
+    """A new action counts as a return until its own path is known."""
+    places_m = np.array([[5.5, 7.5], [9.5, 7.5]])
+    found = paths(action, None, REACH, places_m, None, drift_m=1.0)
+    assert bool(found) is (action not in STAYS)
+    assert all(not np.array_equal(starts_m, ends_m) for starts_m, ends_m in found)

@@ -1,8 +1,8 @@
 """The paper's three planners to compare with (Section V-A): shortest, Voronoi and envelope.
 
 Inputs: a planner, for its grid, moves and goals, and a request. Output: a `Baseline`, with metrics
-from the same code as a plan's. The planner page, "Baselines", defines what the paper leaves open.
-Baselines ignore weights and speeds: they compare path lengths.
+from the same code as a plan's. What the paper leaves open is defined beside each of them. Baselines
+ignore weights and speeds: they compare path lengths.
 """
 
 from __future__ import annotations

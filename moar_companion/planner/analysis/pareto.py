@@ -21,7 +21,7 @@ from ..plan_values import Plan, PlanRequest
 from ..planner import Planner
 
 _TOLERANCE = 1e-9
-"""Costs closer than this, relative, are equal (planner page, Optimality)."""
+"""Costs closer than this, relative, are equal."""
 _HALVINGS = 30
 """Bisections for the end of a range: to 1e-9."""
 _STEP = 1e-6
