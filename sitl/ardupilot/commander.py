@@ -268,7 +268,11 @@ class Commander:
             f" used {parts.battery.consumed_mah:.0f} mAh",
         )
         parts.text_sender.send(texts.WARNING, "Battery Failsafe")
-        self._act(failsafe.on_battery(int(value(name)), int(value("FS_OPTIONS")), self.mode))
+        action = int(value(name))
+        if action == failsafe.TERMINATE:
+            self.disarm(force=True)
+            return
+        self._act(failsafe.on_battery(action, int(value("FS_OPTIONS")), self.mode))
 
     def _judge_estimator(self) -> None:
         parts = self._p
@@ -301,6 +305,9 @@ class Commander:
         self.failsafes.dead_reckoning = lost and action > 0
         if self.failsafes.dead_reckoning:
             parts.text_sender.send(texts.CRITICAL, "Dead Reckoning started")
+            if action == failsafe.TERMINATE and self.mode.value.needs_position:
+                self.disarm(force=True)
+                return
             self._act(failsafe.on_dead_reckoning(action, self.mode))
         elif action > 0:
             parts.text_sender.send(texts.CRITICAL, "Dead Reckoning stopped")

@@ -24,7 +24,9 @@ _GROUND_STATION: Final = {
 _BATTERY: Final = {
     1: Mode.LAND, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 6: Mode.RTL, 7: Mode.BRAKE,
 }  # fmt: skip
-"""Actions at a battery level, and in dead reckoning."""
+"""Modes at a battery level, and in dead reckoning."""
+TERMINATE: Final = 5
+"""The action that stops the motors instead (events.cpp, do_failsafe_action)."""
 _EKF: Final = {1: Mode.LAND, 2: Mode.ALT_HOLD, 3: Mode.LAND}
 _EKF_ALWAYS: Final = 3
 

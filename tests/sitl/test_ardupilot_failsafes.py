@@ -228,6 +228,33 @@ def test_with_drag_fusion_dead_reckoning_acts_before_the_estimator_does(make_ard
     assert flight.now_s - began_s == pytest.approx(5.0, abs=0.2)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "conditions", "text"),
+    [
+        (
+            {"EK3_DRAG_MCOEF": 0.2, "FS_DR_ENABLE": 5},
+            {"gps_mode": GPS_NO_FIX},
+            "Dead Reckoning started",
+        ),
+        (
+            {"BATT_FS_LOW_ACT": 5, "BATT_LOW_TIMER": 5},
+            {"battery_voltage_v": LOW_V - 0.3},
+            "Battery Failsafe",
+        ),
+    ],
+)
+def test_a_terminating_failsafe_stops_the_motors_in_the_air(
+    make_ardupilot, parameters, conditions, text
+):
+    """FailsafeAction 5, which FS_DR_ENABLE executes though its list of values lacks it."""
+    flight = _hovering(make_ardupilot, **parameters)
+    for name, value in conditions.items():
+        setattr(flight.vehicle.conditions, name, value)
+    assert flight.run(12.0, until=lambda f: not f.truth.armed)
+    flight.run(0.2)
+    assert {text, "Disarming motors"} <= set(flight.companion.texts())
+
+
 def test_after_fifteen_seconds_without_gps_the_position_is_lost_and_frozen(hovering):
     manner = hovering.vehicle.manner
     hovering.vehicle.conditions.gps_mode = GPS_NO_FIX
