@@ -1,4 +1,4 @@
-"""Names of modules and classes: each occurs once in the product, so that a search finds one."""
+"""Names of modules and classes occur once in the product; a module has at most 400 lines."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import moar_companion
 
+MOST_LINES = 400
 FILES = sorted(Path(moar_companion.__file__).parent.rglob("*.py"))
 
 
@@ -27,3 +28,9 @@ def test_no_class_name_occurs_twice():
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     ]
     assert repeated(names) == set()
+
+
+def test_a_module_has_at_most_400_lines():
+    """But the file of an autopilot has all that differs between autopilots."""
+    long = {path.name for path in FILES if len(path.read_text().splitlines()) > MOST_LINES}
+    assert long <= {"px4.py", "ardupilot.py"}

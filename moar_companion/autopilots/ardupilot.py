@@ -1,6 +1,6 @@
 """ArduCopter: its modes, failsafes, fence, frame and flight, and the rules of check.
 
-Sources: ArduCopter 4.6.3, "Failsafes" and the parameters' descriptions; `ArduCopter/mode.h`,
+Sources: ArduCopter 4.6, "Failsafes" and the parameters' descriptions; 4.6.3, `ArduCopter/mode.h`,
 `events.cpp` (failsafe_radio_on_event, failsafe_gcs_on_event, handle_battery_failsafe,
 failsafe_deadreckon_check, do_failsafe_action), `ekf_check.cpp` (failsafe_ekf_event), `mode_rtl.cpp`
 (compute_return_target), `fence.cpp`; `AP_BattMonitor.cpp`; `AC_Fence.cpp` (var_info, check),
@@ -105,8 +105,13 @@ _GROUND_STATION = {**_RADIO, 3: _SMART_RETURN, 4: _SMART_RETURN_OR_LAND, 5: LAND
 """FS_GCS_ENABLE; any other value returns."""
 _DRIFT_M = 5.3
 """Drift after the loss of GPS until the estimator failsafe has landed; measured on 4.6.3."""
-_ESTIMATOR = {2: AutopilotAction.DRIFT}
-"""FS_EKF_ACTION: ALT_HOLD keeps the height and drifts; any other value lands."""
+_ESTIMATOR: dict[int, tuple[AutopilotAction, Verdict]] = {
+    0: (AutopilotAction.DESCEND, (Level.NO_GO, "a report only")),
+    1: (AutopilotAction.DESCEND, (Level.OK, "land")),
+    2: (AutopilotAction.DRIFT, (Level.WARNING, "altitude hold, which drifts with the wind")),
+    3: (AutopilotAction.DESCEND, (Level.OK, "land")),
+}
+"""FS_EKF_ACTION; any other value lands. 4.6.3 lands at 0, too; later releases only report."""
 _LEAST_HEIGHT_M = 0.3
 """Least height of a return, RTL_ALT_MIN."""
 _LEAST_SLOPE = 0.5
@@ -130,7 +135,7 @@ _ALTITUDE_MAX, _CIRCLE, _AREAS, _ALTITUDE_MIN = 1, 2, 4, 8
 """Bits of FENCE_TYPE."""
 _INCLUSION_UNION = 2
 """Bit of FENCE_OPTIONS: the union of the inclusion areas counts."""
-_FENCE = {
+_FENCE_REACTIONS = {
     0: (Reaction(AutopilotAction.NONE, "a report only"), "report"),
     1: (RETURNS, "return or land"),
     2: (LANDS, "land"),
@@ -294,7 +299,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         )
     yield FailsafeAction(
         trigger=Trigger.GPS_LOSS,
-        action=_ESTIMATOR.get(int(value["FS_EKF_ACTION"]), AutopilotAction.DESCEND),
+        action=_ESTIMATOR.get(int(value["FS_EKF_ACTION"]), _ESTIMATOR[1])[0],
         setting=f"FS_EKF_ACTION {value['FS_EKF_ACTION']:g}",
         drift_m=_DRIFT_M,
     )
@@ -349,7 +354,7 @@ def _fence(
         areas=areas if chosen & _AREAS else (),
         union=bool(int(values["FENCE_OPTIONS"]) & _INCLUSION_UNION),
         margin_m=max(0.0, values["FENCE_MARGIN"]),
-        action=_FENCE.get(int(values["FENCE_ACTION"]), _FENCE[1])[1],
+        action=_FENCE_REACTIONS.get(int(values["FENCE_ACTION"]), _FENCE_REACTIONS[1])[1],
         unreported=unreported,
     )
 
@@ -371,6 +376,8 @@ def _battery_action(table: Mapping[int, Reaction], stage: str) -> Judge:
 
 
 _FLIES_ON = "nothing, ArduPilot flies on for FS_DR_TIMEOUT"
+_DRAG = ("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF")
+"""Without any of them ArduPilot estimates no wind, and never navigates by it alone."""
 _RULES = (
     Rule(
         parameter="GUID_TIMEOUT",
@@ -405,14 +412,7 @@ _RULES = (
     ),
     Rule(
         parameter="FS_EKF_ACTION",
-        judge=choice(
-            {
-                0: (Level.NO_GO, "a report only"),
-                1: (Level.OK, "land"),
-                2: (Level.WARNING, "altitude hold, which drifts with the wind"),
-                3: (Level.OK, "land"),
-            }
-        ),
+        judge=choice({value: verdict for value, (_, verdict) in _ESTIMATOR.items()}),
         meaning="ArduPilot's action when its position is lost",
         remedy="set 1 (land)",
         unknown=Level.NO_GO,
@@ -426,8 +426,13 @@ _RULES = (
     ),
     Rule(
         parameter="FS_DR_ENABLE",
-        judge=reaction(
-            {**_ACTIONS, 0: Reaction(AutopilotAction.NONE, _FLIES_ON)}, none=Level.WARNING
+        judge=where_zero(
+            reaction(
+                {**_ACTIONS, 0: Reaction(AutopilotAction.NONE, _FLIES_ON)}, none=Level.WARNING
+            ),
+            _DRAG,
+            lambda level: min(level, Level.NOTE),
+            "without effect",
         ),
         meaning="ArduPilot's action with GPS lost, when its position estimate uses the wind alone",
         remedy="set 1 (land)",
@@ -441,7 +446,7 @@ _RULES = (
     Rule(
         parameter="FENCE_ACTION",
         judge=where_zero(
-            reaction({value: row for value, (row, _) in _FENCE.items()}),
+            reaction({value: row for value, (row, _) in _FENCE_REACTIONS.items()}),
             ("FENCE_ENABLE",),
             lambda level: min(level, Level.NOTE),
             "once the fence is on",
@@ -514,7 +519,7 @@ _RULES = (
             meaning="drag for ArduPilot's wind estimate; without it the companion estimates it",
             unknown=Level.NOTE,
         )
-        for name in ("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF")
+        for name in _DRAG
     ),
 )
 """In the order of the report."""

@@ -102,8 +102,6 @@ class Reaction(NamedTuple):
 
 
 NOTHING = Reaction(AutopilotAction.NONE, "nothing")
-WARNS = Reaction(AutopilotAction.NONE, "a warning")
-HOLDS = Reaction(AutopilotAction.HOLD, "hold")
 LANDS = Reaction(AutopilotAction.LAND, "land")
 RETURNS = Reaction(AutopilotAction.RETURN, CLIMBING)
 FALLS = Reaction(AutopilotAction.FALL, "motors off: the aircraft falls")
@@ -116,15 +114,18 @@ def reaction(
     returns: Level = Level.WARNING,
     falls: Level = Level.NO_GO,
 ) -> Judge:
-    """Judges by the reaction to a value; none, returns, falls: levels of these actions."""
+    """Judges by the reaction to a value; none, returns, falls: levels of these actions.
+
+    A hold and a landing are OK. Actions without a position are none of these reactions.
+    """
     levels = {
         AutopilotAction.NONE: none,
+        AutopilotAction.HOLD: Level.OK,
+        AutopilotAction.LAND: Level.OK,
         AutopilotAction.RETURN: returns,
         AutopilotAction.FALL: falls,
     }
-    return choice(
-        {value: (levels.get(row.action, Level.OK), row.words) for value, row in table.items()}
-    )
+    return choice({value: (levels[row.action], row.words) for value, row in table.items()})
 
 
 def choice(verdicts: Mapping[int, Verdict]) -> Judge:

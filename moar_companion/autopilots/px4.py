@@ -23,12 +23,10 @@ from .parameter_rules import (
     CLIMBING,
     CLIMBS,
     FALLS,
-    HOLDS,
     LANDS,
     NOTHING,
     RETURNS,
     UNTIL_IT_FALLS,
-    WARNS,
     Case,
     Level,
     Reaction,
@@ -80,19 +78,31 @@ _OFFBOARD_LOSS: dict[int, tuple[AutopilotAction | None, str]] = {
 }
 """COM_OBL_RC_ACT, by PX4's names; None: a mode with sticks, and without them NAV_RCL_ACT."""
 _UNKNOWN_LOSS = (AutopilotAction.RETURN, "unknown value, taken as a return")
-_RC_LOSS = {1: HOLDS, 2: RETURNS, 3: LANDS, 5: FALLS, 6: FALLS}
-"""NAV_RCL_ACT; any other value means no action."""
+_WARNS = Reaction(AutopilotAction.NONE, "a warning")
+_HOLDS = Reaction(AutopilotAction.HOLD, "hold")
+_RC_LOSS = {1: _HOLDS, 2: RETURNS, 3: LANDS, 5: FALLS, 6: FALLS}
+"""NAV_RCL_ACT. Any other value means no action, but a return after an offboard loss."""
 _GCS_LOSS = {0: NOTHING, **_RC_LOSS}
-"""NAV_DLL_ACT."""
+"""NAV_DLL_ACT; any other value means no action."""
 _LOW_BATTERY = {
     0: Reaction(AutopilotAction.NONE, f"a warning: {UNTIL_IT_FALLS}"),
     1: RETURNS,
     2: LANDS,
     3: Reaction(AutopilotAction.RETURN, f"{CLIMBING}; land when nearly empty"),
 }
-"""COM_LOW_BAT_ACT: at BAT_CRIT_THR, and but for 3 at BAT_EMERGEN_THR; at BAT_LOW_THR PX4 warns."""
+"""COM_LOW_BAT_ACT: the reaction at BAT_CRIT_THR, and at BAT_EMERGEN_THR, where 3 lands. At
+BAT_LOW_THR PX4 only warns."""
 _LANDS_WHEN_NEARLY_EMPTY = 3
-_LIMIT_REACHED = {0: NOTHING, 1: WARNS, 2: HOLDS, 3: RETURNS, 4: FALLS, 5: LANDS}
+_FENCE_REACTIONS = {
+    0: (NOTHING, "nothing"),
+    1: (_WARNS, "warn"),
+    2: (_HOLDS, "hold"),
+    3: (RETURNS, "return"),
+    4: (FALLS, "terminate"),
+    5: (LANDS, "land"),
+}
+"""GF_ACTION: the reaction, and the fence's text."""
+_LIMIT_REACTIONS = {value: row for value, (row, _) in _FENCE_REACTIONS.items()}
 """GF_ACTION, COM_WIND_MAX_ACT; and of these 0, 1 and 3 COM_FLTT_LOW_ACT."""
 _LOSS_DEFAULTS = {
     "COM_OBL_RC_ACT": DEFAULTS["COM_OBL_RC_ACT"],
@@ -113,8 +123,6 @@ _SWITCH_S2PM = 0.1
 """Term of v^2 that COM_OBL_RC_ACT adds: it brakes from the velocity at its start."""
 _HARD_MPS2 = 3.0
 """Default of MPC_ACC_HOR: v^2 / 2a is longer with a lower value."""
-_FENCE_ACTIONS = {0: "nothing", 1: "warn", 2: "hold", 3: "return", 4: "terminate", 5: "land"}
-"""GF_ACTION, for the fence's text."""
 _FENCE_HOLD = 2
 _RADIUS_M = 6_371_000.0
 _MAIN_MODES = {
@@ -258,7 +266,7 @@ def _fence(
         circle=limit(values, "GF_MAX_HOR_DIST", on=values["GF_MAX_HOR_DIST"] > 0.0),
         ceiling=limit(values, "GF_MAX_VER_DIST", on=values["GF_MAX_VER_DIST"] > 0.0),
         areas=areas,
-        action=_FENCE_ACTIONS.get(action, "warn"),
+        action=_FENCE_REACTIONS.get(action, _FENCE_REACTIONS[1])[1],
         overrules_land=action == _FENCE_HOLD,
         source_gnss="GF_SOURCE" if values["GF_SOURCE"] == 1.0 else "",
         unreported=unreported,
@@ -381,7 +389,7 @@ _RULES = (
     ),
     Rule(
         parameter="GF_ACTION",
-        judge=reaction(_LIMIT_REACHED),
+        judge=reaction(_LIMIT_REACTIONS),
         meaning="PX4's action at its fence",
         remedy="set 2 (hold)",
         unknown=Level.NO_GO,
@@ -394,7 +402,7 @@ _RULES = (
     ),
     Rule(
         parameter="COM_FLTT_LOW_ACT",
-        judge=reaction({value: _LIMIT_REACHED[value] for value in (0, 1, 3)}),
+        judge=reaction({value: _LIMIT_REACTIONS[value] for value in (0, 1, 3)}),
         meaning="PX4's action when the remaining flight time is that of its return",
         remedy="set 1 (a warning)",
         unknown=Level.NOTE,
@@ -410,7 +418,7 @@ _RULES = (
     ),
     Rule(
         parameter="COM_WIND_MAX_ACT",
-        judge=reaction(_LIMIT_REACHED, falls=Level.WARNING),
+        judge=reaction(_LIMIT_REACTIONS, falls=Level.WARNING),
         meaning="PX4's action in more wind than COM_WIND_MAX, if that is above 0",
         remedy="set 2 (hold)",
         unknown=Level.NOTE,

@@ -1,7 +1,7 @@
 """Inputs of a cycle's decisions: for contingency planning, the supervisor and the mission machine.
 
-Reads telemetry, pose, route, risks and the mission status; changes none of them. `Faults` keeps the
-causes that occur between two cycles.
+`CycleInputs` reads telemetry, pose, route, risks and the mission status; it changes none of them.
+`Faults` keeps the causes that no measurement shows until the next check.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Resident memory of the process: releases unused memory of pymavlink, glibc and LLVM. Linux.
 
     before the threads start    limit_arenas: few arenas, large arrays go back to the system
-                                release_descriptions: texts for readers of pymavlink's enums
+                                release_descriptions: the texts of pymavlink's enums are freed
     once all kernels are loaded release_compiler: LLVM's code and data, of which none is used again
 
-A call that the system lacks is left out: all save memory only.
+All save memory only: a call that the system lacks is left out.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def limit_arenas() -> None:
 
 
 def release_descriptions() -> None:
-    """Frees the descriptions of pymavlink's 2400 enum entries, 0.7 MB; names and numbers stay."""
+    """Frees the descriptions of the enum entries (2,362 in pymavlink 2.4.50: 0.7 MB), not names."""
     for enum in mavlink.enums.values():
         for entry in enum.values():
             entry.description, entry.param, entry.label = "", _NO_TEXTS, _NO_TEXTS

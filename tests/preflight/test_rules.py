@@ -252,6 +252,8 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("dead reckoning, perhaps smart return", "FS_DR_ENABLE", 3.0, WARNING, "climbs first"),
         ("dead reckoning, smart return", "FS_DR_ENABLE", 4.0, OK, "or land"),
         ("dead reckoning, nothing", "FS_DR_ENABLE", 0.0, WARNING, "flies on"),
+        ("dead reckoning, terminate", "FS_DR_ENABLE", 5.0, NO_GO, "the aircraft falls"),
+        ("dead reckoning, brake", "FS_DR_ENABLE", 7.0, OK, "brake"),
         ("the fence, ArduPilot's default", "FENCE_ACTION", 1.0, WARNING, "climbs first"),
         ("the fence, perhaps smart return", "FENCE_ACTION", 3.0, WARNING, "climbs first"),
         ("the fence, land", "FENCE_ACTION", 2.0, OK, "2 (land)"),
@@ -297,6 +299,15 @@ def test_ardupilots_action_at_a_disabled_fence_is_a_note():
     assert "once the fence is on: FENCE_ENABLE is 0" in finding.text
     assert of_ardupilot("FENCE_ACTION", 1.0, FENCE_ENABLE=None).level is WARNING
     assert of_ardupilot("FENCE_ACTION", 2.0, FENCE_ENABLE=0.0).level is OK
+
+
+def test_dead_reckoning_has_no_action_while_ardupilot_estimates_no_wind():
+    drag = dict.fromkeys(("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF"), 0.0)
+    for value in (0.0, 2.0, 5.0):
+        finding = of_ardupilot("FS_DR_ENABLE", value, **drag)
+        assert (finding.level, "without effect" in finding.text) == (NOTE, True)
+    for received in ({"EK3_DRAG_MCOEF": None}, {"EK3_DRAG_BCOEF_Y": 16.0}):
+        assert of_ardupilot("FS_DR_ENABLE", 2.0, **drag | received).level is WARNING
 
 
 def test_a_threshold_of_the_whole_pack_is_not_judged_without_the_number_of_cells():
