@@ -161,6 +161,18 @@ KERNELS: list[Kernel] = []
 """All kernels of the imported modules, in order."""
 
 
+def release_bitcode() -> None:
+    """Frees the code that numba keeps to compile kernels that call others, once all are loaded.
+
+    A kernel of a module that is imported later and calls one of them raises RuntimeError.
+    """
+    kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
+    if all("ready" in vars(kernel) for kernel in kernels):
+        for kernel in kernels:
+            for compiled in kernel.ready.overloads.values():
+                compiled.library._shared_module = None  # noqa: SLF001 - numba offers no other way
+
+
 def jit(answer: Type, *arguments: Type, helper: bool = False) -> Callable[[_Function], _Function]:
     """Make a function a kernel for these types. helper: only kernels of other files call it."""
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import moar_companion
+from moar_companion.config import shipped_configs
 from moar_companion.planner import jit
 
 ELSEWHERE = """
@@ -141,3 +142,41 @@ def test_without_a_writable_cache_a_kernel_is_compiled_each_time(monkeypatch):
     kernel = jit.Kernel.__new__(jit.Kernel)
     kernel.py_func, kernel.is_helper = abs, False
     assert kernel._dispatcher is abs
+
+
+RELEASED = """
+from moar_companion import Mission, Planner, Site, Vehicle
+from moar_companion.planner.jit import KERNELS, release_bitcode
+from moar_companion.service.compiling import make_ready
+import sys, threading
+
+def kept():
+    libraries = [
+        compiled.library
+        for kernel in KERNELS
+        if not kernel.is_helper and "ready" in vars(kernel)
+        for compiled in kernel.ready.overloads.values()
+    ]
+    return sum(library._shared_module is not None for library in libraries)
+
+planner = Planner(Site.load(sys.argv[1]), Vehicle.load(sys.argv[2]))
+first = planner.plan(mission=Mission.EXIT)
+release_bitcode()
+print(kept() > 0)
+make_ready(lambda *_: None, threading.Event())
+release_bitcode()
+print(kept())
+print(planner.plan(mission=Mission.EXIT).cost == first.cost)
+"""
+
+
+def test_bitcode_is_released_once_all_kernels_are_loaded_and_they_still_run():
+    configs = shipped_configs()
+    files = [configs / "sites/315kv_double_circuit.yaml", configs / "vehicles/x500.yaml"]
+    answer = subprocess.run(
+        [sys.executable, "-c", RELEASED, *map(str, files)],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert answer.stdout.split() == ["True", "0", "True"]
