@@ -258,7 +258,7 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
         yield "seen", _perception(status["perception"])
     shown = ages if full else {name: ages[name] for name in _VITAL}
     received_ago = [_age(name, age_s) for name, age_s in shown.items()]
-    yield "received, s ago", Columns(received_ago) if full else Text("  ").join(received_ago)
+    yield "data age, s", Columns(received_ago) if full else Text("  ").join(received_ago)
     if status["recorder"] is not None:
         yield "record", Text(_clean(status["recorder"]))
 

@@ -32,7 +32,7 @@ def blocking_part(
             )
         ):
             return (
-                f"the margin of {margin.total_m:g} m beyond keep-outs leaves no way; there is "
+                f"the margin of {margin.total_m:g} m beyond keep-outs leaves no path; there is "
                 f"one without {words}"
             )
     return None

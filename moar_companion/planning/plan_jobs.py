@@ -164,7 +164,7 @@ def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer
     return replace(
         answer,
         reason=reason,
-        detail=f"no way to {goal} inside the autopilot's fence, {crossed}, "
+        detail=f"no path to {goal} inside the autopilot's fence, {crossed}, "
         f"less {fence.margin_m:g} m ({answer.reason})",
     )
 

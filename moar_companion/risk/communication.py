@@ -4,7 +4,7 @@ Inputs from the ground: the telemetry radio's margin at both ends, its broken pa
 transmit buffer; the pilot's transmitter; the age of the ground station's last heartbeat. Inputs of
 the companion's own link to the autopilot: packets lost both ways, its data rate and its silence. A
 good link to the autopilot does not prove a link to the ground. Without any other input the number
-of known ways to the ground is 0, and decides.
+of known links to the ground is 0, and decides.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def inputs(
     # operator.
     to_ground = (radio[:2], remote[:2], (ground,))
     known_to_ground = source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
-        "known ways to the ground",
+        "known links to the ground",
         sum(any(report.known for report in reports) for reports in to_ground),
         "",
         lambda known: 0.0 if known else model.unknown,

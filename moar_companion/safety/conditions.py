@@ -212,7 +212,7 @@ CONDITIONS = (
     Condition(
         name="no_clearance",
         starts="as uncertain as the position is, or with the margin, there is no room where the "
-        "setpoint would be, or no way on",
+        "setpoint would be, or no path onward",
         action=Action.HOLD,
         over_s=1.0,
         override=Override.ORDER,

@@ -473,5 +473,5 @@ def test_a_denial_as_flown_names_the_part_of_the_margin_that_causes_it(tmp_path,
     assert status == 2
     err = capsys.readouterr().err
     assert len(err.splitlines()) == 1
-    assert "the margin of 2.55 m beyond keep-outs leaves no way" in err
+    assert "the margin of 2.55 m beyond keep-outs leaves no path" in err
     assert "there is one without tracking error 1.15 m" in err

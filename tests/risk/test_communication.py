@@ -58,8 +58,8 @@ def test_a_good_link_to_the_autopilot_alone_leaves_the_risk_unknown(new_flight, 
         del healthy[name]
     alone = new_flight(**healthy)
     assert alone.fly(60.0).indices.communication == RiskModel().unknown
-    assert alone.estimate.report.communication.worst == "known ways to the ground"
-    assert alone.input("communication", "known ways to the ground").value == 0
+    assert alone.estimate.report.communication.worst == "known links to the ground"
+    assert alone.input("communication", "known links to the ground").value == 0
     assert alone.input("communication", "packet loss").risk == 0.0
 
 
