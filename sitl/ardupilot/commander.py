@@ -212,12 +212,12 @@ class Commander:
         self.mode_changed = True
         self._p.flight.enter(mode, self._p.navigation, pause=pause)
 
-    def _act(self, mode: Mode | None, *, pause: bool = True) -> None:
+    def _act(self, mode: failsafe.Reaction, *, pause: bool = True) -> None:
         """Act as a failsafe demands; on the ground it disarms. `pause`: LAND waits a moment."""
         if mode is None or not self.armed:
             return
-        if self.landed:
-            self.disarm()
+        if self.landed or mode == failsafe.TERMINATE:
+            self.disarm(force=True)
         elif mode.value.needs_position and not self._p.navigation.position_ok:
             self._enter(Mode.LAND, pause=pause)
         else:
@@ -268,11 +268,7 @@ class Commander:
             f" used {parts.battery.consumed_mah:.0f} mAh",
         )
         parts.text_sender.send(texts.WARNING, "Battery Failsafe")
-        action = int(value(name))
-        if action == failsafe.TERMINATE:
-            self.disarm(force=True)
-            return
-        self._act(failsafe.on_battery(action, int(value("FS_OPTIONS")), self.mode))
+        self._act(failsafe.on_battery(int(value(name)), int(value("FS_OPTIONS")), self.mode))
 
     def _judge_estimator(self) -> None:
         parts = self._p
@@ -285,7 +281,7 @@ class Commander:
                 parts.text_sender.send(texts.CRITICAL, "EKF Failsafe Cleared")
             return
         action = int(parts.parameters.value("FS_EKF_ACTION"))
-        if nav.position_ok or not (self._was_known and self.armed and action):
+        if nav.position_ok or not (self._was_known and self.armed):
             return
         self.failsafes.estimator = True
         parts.text_sender.send(texts.CRITICAL, f"EKF3 lane switch {1 - self._lane}")
@@ -305,9 +301,6 @@ class Commander:
         self.failsafes.dead_reckoning = lost and action > 0
         if self.failsafes.dead_reckoning:
             parts.text_sender.send(texts.CRITICAL, "Dead Reckoning started")
-            if action == failsafe.TERMINATE and self.mode.value.needs_position:
-                self.disarm(force=True)
-                return
             self._act(failsafe.on_dead_reckoning(action, self.mode))
         elif action > 0:
             parts.text_sender.send(texts.CRITICAL, "Dead Reckoning stopped")

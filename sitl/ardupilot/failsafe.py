@@ -5,7 +5,7 @@ on ArduCopter 4.6.3.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from sitl.ardupilot.modes import Mode
 
@@ -21,13 +21,16 @@ _GROUND_STATION: Final = {
     1: Mode.RTL, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 5: Mode.LAND, 6: Mode.RTL,
     7: Mode.BRAKE,
 }  # fmt: skip
-_BATTERY: Final = {
-    1: Mode.LAND, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 6: Mode.RTL, 7: Mode.BRAKE,
+TERMINATE: Final = "terminate"
+"""The motors stop."""
+Reaction = Mode | Literal["terminate"] | None
+_ACTIONS: Final[dict[int, Reaction]] = {
+    1: Mode.LAND, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 5: TERMINATE, 6: Mode.RTL,
+    7: Mode.BRAKE,
 }  # fmt: skip
-"""Modes at a battery level, and in dead reckoning."""
-TERMINATE: Final = 5
-"""The action that stops the motors instead (events.cpp, do_failsafe_action)."""
-_EKF: Final = {1: Mode.LAND, 2: Mode.ALT_HOLD, 3: Mode.LAND}
+"""At a battery level, and in dead reckoning (events.cpp, do_failsafe_action)."""
+_EKF: Final = {2: Mode.ALT_HOLD}
+"""Any other value lands (ekf_check.cpp, failsafe_ekf_event)."""
 _EKF_ALWAYS: Final = 3
 
 
@@ -63,20 +66,20 @@ def on_ground_station(action: int, options: int, mode: Mode) -> Mode | None:
     return _GROUND_STATION.get(action)
 
 
-def on_battery(action: int, options: int, mode: Mode) -> Mode | None:
-    """Return the mode to fly at a battery level (BATT_FS_LOW_ACT or BATT_FS_CRT_ACT)."""
+def on_battery(action: int, options: int, mode: Mode) -> Reaction:
+    """Return the reaction at a battery level (BATT_FS_LOW_ACT or BATT_FS_CRT_ACT)."""
     if mode is Mode.LAND and options & _CONTINUE_LANDING:
         return None
-    return _BATTERY.get(action)
+    return _ACTIONS.get(action)
 
 
-def on_dead_reckoning(action: int, mode: Mode) -> Mode | None:
-    """Return the mode to fly when the position follows from the wind alone (FS_DR_ENABLE)."""
-    return _BATTERY.get(action) if mode.value.needs_position else None
+def on_dead_reckoning(action: int, mode: Mode) -> Reaction:
+    """Return the reaction when the position follows from the wind alone (FS_DR_ENABLE)."""
+    return _ACTIONS.get(action) if mode.value.needs_position else None
 
 
 def on_estimator(action: int, mode: Mode) -> Mode | None:
     """Return the mode to fly when the position is lost (FS_EKF_ACTION)."""
     if mode is Mode.LAND or not (mode.value.needs_position or action == _EKF_ALWAYS):
         return None
-    return _EKF.get(action)
+    return _EKF.get(action, Mode.LAND)

@@ -168,8 +168,8 @@ class Navigation:
     @property
     def _fuses_drag(self) -> bool:
         value = self._parameters.value
-        drag = value("EK3_DRAG_BCOEF_X") > 0.0 and value("EK3_DRAG_BCOEF_Y") > 0.0
-        return drag or value("EK3_DRAG_MCOEF") > 0.0
+        drag = value("EK3_DRAG_BCOEF_X") > 1.0 or value("EK3_DRAG_BCOEF_Y") > 1.0
+        return drag or value("EK3_DRAG_MCOEF") > 0.001
 
     @property
     def dead_reckoning(self) -> bool:

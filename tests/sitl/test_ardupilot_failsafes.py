@@ -6,6 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from sitl.ardupilot.failsafe import (
+    TERMINATE,
     on_battery,
     on_dead_reckoning,
     on_estimator,
@@ -61,7 +62,12 @@ def _until_mode(flight, mode, seconds):
         ("ground station, but a pilot flies", on_ground_station(1, 16, Mode.LOITER), None),
         ("battery: nothing", on_battery(0, 0, Mode.GUIDED), None),
         ("battery: land", on_battery(1, 0, Mode.GUIDED), Mode.LAND),
+        ("battery: terminate", on_battery(5, 0, Mode.GUIDED), TERMINATE),
+        ("battery, but LAND goes on", on_battery(5, 8, Mode.LAND), None),
+        ("dead reckoning: terminate", on_dead_reckoning(5, Mode.GUIDED), TERMINATE),
+        ("dead reckoning: a mode without position", on_dead_reckoning(5, Mode.STABILIZE), None),
         ("estimator: land", on_estimator(1, Mode.GUIDED), Mode.LAND),
+        ("estimator: any other value lands", on_estimator(0, Mode.GUIDED), Mode.LAND),
         ("estimator: hold the height", on_estimator(2, Mode.GUIDED), Mode.ALT_HOLD),
         ("estimator: a mode without position goes on", on_estimator(1, Mode.STABILIZE), None),
         ("estimator: land from any mode", on_estimator(3, Mode.STABILIZE), Mode.LAND),
@@ -246,11 +252,14 @@ def test_with_drag_fusion_dead_reckoning_acts_before_the_estimator_does(make_ard
 def test_a_terminating_failsafe_stops_the_motors_in_the_air(
     make_ardupilot, parameters, conditions, text
 ):
-    """FailsafeAction 5, which FS_DR_ENABLE executes though its list of values lacks it."""
+    """ArduPilot executes 5 of FS_DR_ENABLE, too, which its list of values lacks."""
     flight = _hovering(make_ardupilot, **parameters)
+    height_m = -flight.truth.position_ned_m[2]
     for name, value in conditions.items():
         setattr(flight.vehicle.conditions, name, value)
     assert flight.run(12.0, until=lambda f: not f.truth.armed)
+    assert flight.truth.mode == "GUIDED"
+    assert -flight.truth.position_ned_m[2] > height_m - 1.0
     flight.run(0.2)
     assert {text, "Disarming motors"} <= set(flight.companion.texts())
 
