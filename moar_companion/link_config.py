@@ -23,7 +23,7 @@ class LinkRole(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkConfig:
-    """One link: a URL of the contract and the peer there."""
+    """One link: a URL (`mavlink/urls`) and the peer there."""
 
     url: str
     role: LinkRole = LinkRole.AUTOPILOT

@@ -1,4 +1,4 @@
-"""States of a mission, in the terms of the contract."""
+"""States of a mission, by the names that status, recordings and MQTT show."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class MissionState(str, enum.Enum):
 
     @property
     def number(self) -> int:
-        """Position in the contract's table, from 0: custom_mode of our heartbeat."""
+        """Number of the state, from 0, in this order: custom_mode of our heartbeat."""
         return tuple(MissionState).index(self)
 
 

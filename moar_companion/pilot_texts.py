@@ -143,19 +143,19 @@ NO_MISSION = PilotText(
     pattern="param1 {value} is not a mission",
     actions=_DENIED,
     meaning="the command's param1 is not 0 to 4",
-    remedy="send a number of the contract",
+    remedy="send 0 to 4",
 )
 NO_INDEX = PilotText(
     pattern="param2 {value} is not an index",
     actions=_DENIED,
     meaning="the command's param2 is neither -1 (any) nor a whole number from 0 on",
-    remedy="send a number of the contract",
+    remedy="send -1, or the target's number from 0 on",
 )
 NO_PAUSE = PilotText(
     pattern="param1 {value} is neither 0 nor 1",
     actions=_DENIED,
     meaning="of DO_PAUSE_CONTINUE: 0 pauses, 1 continues",
-    remedy="send a number of the contract",
+    remedy="send 0 or 1",
 )
 LINK_MAY_NOT = PilotText(
     pattern="this link may not command",

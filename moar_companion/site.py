@@ -1,7 +1,7 @@
 """A site: workspace, obstacles, start, targets and landing points in one vertical plane.
 
-`Site.load(path)` reads the YAML of `configs/README.md`; positions are `(x, z)` in metres in the
-plane.
+`Site.load(path)` reads a YAML file, described in `configs/README.md`; positions are `(x, z)` in
+metres in the plane.
 """
 
 from __future__ import annotations

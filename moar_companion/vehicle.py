@@ -1,7 +1,7 @@
 """A vehicle: its size, safety distances, speeds, weights, and guidance.
 
-`Vehicle.load(path)` reads the YAML of `configs/README.md`. Angles in files are degrees, inside
-radians.
+`Vehicle.load(path)` reads a YAML file, described in `configs/README.md`. Angles in files are
+degrees, inside radians.
 """
 
 from __future__ import annotations

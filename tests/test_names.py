@@ -31,6 +31,6 @@ def test_no_class_name_occurs_twice():
 
 
 def test_a_module_has_at_most_400_lines():
-    """But the file of an autopilot has all that differs between autopilots."""
-    long = {path.name for path in FILES if len(path.read_text().splitlines()) > MOST_LINES}
-    assert long <= {"px4.py", "ardupilot.py"}
+    """The file of an autopilot may have more: all that differs between autopilots is there."""
+    long = {path for path in FILES if len(path.read_text().splitlines()) > MOST_LINES}
+    assert long <= {path for path in FILES if path.parent.name == "autopilots"}

@@ -1,11 +1,11 @@
 """ArduCopter: its modes, failsafes, fence, frame and flight, and the rules of check.
 
-Sources: ArduCopter 4.6, "Failsafes" and the parameters' descriptions; 4.6.3, `ArduCopter/mode.h`,
-`events.cpp` (failsafe_radio_on_event, failsafe_gcs_on_event, handle_battery_failsafe,
-failsafe_deadreckon_check, do_failsafe_action), `ekf_check.cpp` (failsafe_ekf_event), `mode_rtl.cpp`
-(compute_return_target), `fence.cpp`; `AP_BattMonitor.cpp`; `AC_Fence.cpp` (var_info, check),
-`AC_PolyFence_loader.cpp` (breached); `AP_Common/Location.h` (LOCATION_SCALING_FACTOR);
-measurements.
+Sources: manual of ArduCopter 4.6, "Failsafes" and the parameters' descriptions; source of 4.6.3,
+`ArduCopter/mode.h`, `events.cpp` (failsafe_radio_on_event, failsafe_gcs_on_event,
+handle_battery_failsafe, failsafe_deadreckon_check, do_failsafe_action), `ekf_check.cpp`
+(failsafe_ekf_event), `mode_rtl.cpp` (compute_return_target), `fence.cpp`; `AP_BattMonitor.cpp`;
+`AC_Fence.cpp` (var_info, check), `AC_PolyFence_loader.cpp` (breached); `AP_Common/Location.h`
+(LOCATION_SCALING_FACTOR); measurements.
 """
 
 from __future__ import annotations
@@ -105,13 +105,16 @@ _GROUND_STATION = {**_RADIO, 3: _SMART_RETURN, 4: _SMART_RETURN_OR_LAND, 5: LAND
 """FS_GCS_ENABLE; any other value returns."""
 _DRIFT_M = 5.3
 """Drift after the loss of GPS until the estimator failsafe has landed; measured on 4.6.3."""
+_DRAG = {"EK3_DRAG_BCOEF_X": 1.0, "EK3_DRAG_BCOEF_Y": 1.0, "EK3_DRAG_MCOEF": 0.001}
+"""Greatest values without effect (NavEKF3_core::SampleDragData). If all are 0 ArduPilot estimates
+no wind. The flight does not ask for BCOEF_Y, which is set together with BCOEF_X."""
 _ESTIMATOR: dict[int, tuple[AutopilotAction, Verdict]] = {
-    0: (AutopilotAction.DESCEND, (Level.NO_GO, "a report only")),
+    0: (AutopilotAction.DESCEND, (Level.NO_GO, "land; in later releases a report only")),
     1: (AutopilotAction.DESCEND, (Level.OK, "land")),
     2: (AutopilotAction.DRIFT, (Level.WARNING, "altitude hold, which drifts with the wind")),
     3: (AutopilotAction.DESCEND, (Level.OK, "land")),
 }
-"""FS_EKF_ACTION; any other value lands. 4.6.3 lands at 0, too; later releases only report."""
+"""FS_EKF_ACTION; any other value lands."""
 _LEAST_HEIGHT_M = 0.3
 """Least height of a return, RTL_ALT_MIN."""
 _LEAST_SLOPE = 0.5
@@ -288,7 +291,7 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         remedy="FS_GCS_ENABLE 7 (brake)",
         home=home,
     )
-    if value["EK3_DRAG_BCOEF_X"] > 0.0 or value["EK3_DRAG_MCOEF"] > 0.0:
+    if any(value.get(name, 0.0) > least for name, least in _DRAG.items()):
         # Dead reckoning needs a wind estimate, which a copter has only by its drag.
         yield FailsafeAction(
             trigger=Trigger.GPS_LOSS,
@@ -376,8 +379,6 @@ def _battery_action(table: Mapping[int, Reaction], stage: str) -> Judge:
 
 
 _FLIES_ON = "nothing, ArduPilot flies on for FS_DR_TIMEOUT"
-_DRAG = ("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF")
-"""Without any of them ArduPilot estimates no wind, and never navigates by it alone."""
 _RULES = (
     Rule(
         parameter="GUID_TIMEOUT",
@@ -430,7 +431,7 @@ _RULES = (
             reaction(
                 {**_ACTIONS, 0: Reaction(AutopilotAction.NONE, _FLIES_ON)}, none=Level.WARNING
             ),
-            _DRAG,
+            tuple(_DRAG),
             lambda level: min(level, Level.NOTE),
             "without effect",
         ),

@@ -116,7 +116,7 @@ def reaction(
 ) -> Judge:
     """Judges by the reaction to a value; none, returns, falls: levels of these actions.
 
-    A hold and a landing are OK. Actions without a position are none of these reactions.
+    A hold and a landing are OK. Other actions have no level: KeyError.
     """
     levels = {
         AutopilotAction.NONE: none,
@@ -147,8 +147,9 @@ def where_zero(
         level, text = judge(value, case)
         if any(case.parameters.get(name) != 0.0 for name in others):
             return level, text
-        are = "is 0" if len(others) == 1 else "are 0"
-        return level_of(level), f"{text}, {words}: {' and '.join(others)} {are}"
+        *first, last = others
+        zero = f"{', '.join(first)} and {last} are 0" if first else f"{last} is 0"
+        return level_of(level), f"{text}, {words}: {zero}"
 
     return judging
 

@@ -37,7 +37,7 @@ _ORDERS = {
     "continue": (_DO_PAUSE_CONTINUE, 1),
     "release": (_USER_1, 4),
 }
-"""MAV_CMD and its param1, by the order's name on the command line (contract)."""
+"""MAV_CMD and its param1, by the order's name on the command line."""
 _STATUS = "status"
 _WORDS = (*_ORDERS, _STATUS)
 _ANY = -1

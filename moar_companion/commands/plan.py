@@ -238,7 +238,7 @@ def _whole_reason(planner: Planner, plan: Plan) -> str:
 
 
 def write_maps(maps: Maps, stream: IO[bytes]) -> None:
-    """The maps in the form of the contract (NPZ)."""
+    """The maps of `--maps`, as arrays of an NPZ file."""
     import numpy as np  # noqa: PLC0415
 
     x_m, z_m = maps.grid.axes_m

@@ -1,7 +1,7 @@
 """Inputs of a cycle's decisions: for contingency planning, the supervisor and the mission machine.
 
 `CycleInputs` reads telemetry, pose, route, risks and the mission status; it changes none of them.
-`Faults` keeps the causes that no measurement shows until the next check.
+`Faults` keeps causes that no measurement shows, until the supervisor has checked them.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ class Reports:
         pose: Pose | None,
         now_s: float,
     ) -> None:
-        """Sends risk indices and weights as NAMED_VALUE_FLOAT (contract); records the status."""
+        """Sends risk indices and weights as NAMED_VALUE_FLOAT; records the status."""
         for name, value in (
             ("RISK_WIND", risk.wind),
             ("RISK_COMM", risk.communication),

@@ -48,7 +48,7 @@ from .companion import Companion
 from .reports import Decision
 
 Waypoint = Mapping[str, float]
-"""Waypoint of a plan's JSON (contract)."""
+"""Waypoint of a plan's JSON."""
 
 _NO_SOURCES = {
     "failsafes_reported",

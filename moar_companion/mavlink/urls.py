@@ -55,7 +55,7 @@ class LinkAddress:
 
 
 def parse_url(url: str, *, source: str = "--connect", key: str = "") -> LinkAddress:
-    """Address of a URL: those of `--connect`, and MAVSDK's `udpin://…`, `serial:///dev/…:baud`.
+    """Address of a URL: the forms of `--connect`, and MAVSDK's `udpin://…`, `serial:///dev/…:baud`.
 
     An empty host listens on all interfaces. Raises InputError(source, key, …) otherwise.
     """

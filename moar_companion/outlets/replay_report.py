@@ -83,7 +83,7 @@ class Replay:
     sources: Mapping[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
 
     def to_json(self) -> str:
-        """The replay in the form of the contract; one sample and one event a line."""
+        """The JSON document of `replay --json`; one sample and one event a line."""
         head = {
             "recording": self.recording,
             "vehicle": self.vehicle,

@@ -162,9 +162,9 @@ KERNELS: list[Kernel] = []
 
 
 def release_bitcode() -> None:
-    """Frees the code that numba keeps to compile kernels that call others, once all are loaded.
+    """Frees the bitcode of kernels from the cache, once all are loaded.
 
-    A kernel of a module that is imported later and calls one of them raises RuntimeError.
+    Only the compilation of a kernel that calls one of them needs it, and raises RuntimeError then.
     """
     kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
     if all("ready" in vars(kernel) for kernel in kernels):

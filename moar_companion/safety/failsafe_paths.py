@@ -99,7 +99,7 @@ def paths(
     home_m: Vector | None,
     drift_m: float = 0.0,
 ) -> list[Path]:
-    """Straight paths of an action; none if it stays in place.
+    """Straight paths of an action; none if it stays in place. Any other counts as a return.
 
     home_m: (x, y, z) in the site's frame. A return has its path in the plane, without a home only
     its climb. drift_m: a descent has a path from every cell within this distance to the side; a

@@ -2,8 +2,7 @@
 
     before the threads start    limit_arenas: few arenas, large arrays go back to the system
                                 release_descriptions: the texts of pymavlink's enums are freed
-    once all kernels are loaded release_compiler: LLVM's code and data, and the kernels' bitcode,
-                                of which none is used again
+    once all kernels are loaded release_compiler: LLVM's code and data, and the kernels' bitcode
 
 All save memory only: a call that the system lacks is left out.
 """
@@ -54,9 +53,10 @@ def release_descriptions() -> None:
 def release_compiler() -> None:
     """Frees what loading the kernels has left: bitcode, LLVM's pages, free memory of malloc.
 
-    These pages are the file's, never written: a page that is used after all is read again.
+    LLVM's pages are the file's, never written: a page that is used after all is read again.
     """
-    release_bitcode()
+    with contextlib.suppress(AttributeError):  # another numba may keep it elsewhere
+        release_bitcode()
     with contextlib.suppress(OSError, AttributeError):
         libc = ctypes.CDLL(None)
         for first, last in unwritten(_SMAPS.read_text().splitlines(), _COMPILER):

@@ -93,8 +93,11 @@ def test_the_parameters_of_ardupilot_set_its_failsafe_actions(trigger, parameter
 
 
 def test_dead_reckoning_counts_where_the_estimator_fuses_drag():
-    found = actions(ARDUPILOT, Trigger.GPS_LOSS, EK3_DRAG_MCOEF=0.2)
-    assert found == [AutopilotAction.RETURN, AutopilotAction.DESCEND]
+    for drag in ({"EK3_DRAG_MCOEF": 0.2}, {"EK3_DRAG_BCOEF_X": 16.0}):
+        found = actions(ARDUPILOT, Trigger.GPS_LOSS, **drag)
+        assert found == [AutopilotAction.RETURN, AutopilotAction.DESCEND]
+    without = actions(ARDUPILOT, Trigger.GPS_LOSS, EK3_DRAG_MCOEF=0.001, EK3_DRAG_BCOEF_X=1.0)
+    assert without == [AutopilotAction.DESCEND]
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])

@@ -1,4 +1,4 @@
-"""A slow and plain planner, written from the paper and its reading, not from the code.
+"""A slow and plain planner, written from the paper and the rules of the docstrings, not the code.
 
 Maps are loops over cells and obstacles, geometry is shapely's, the search is a Dijkstra over
 (cell, heading) with a heap and dictionaries. Costs are counted in whole units of 1e-15, so that

@@ -11,7 +11,7 @@ import pytest
 
 import moar_companion
 from moar_companion.config import shipped_configs
-from moar_companion.planner import jit
+from moar_companion.planner import jit, polyline
 
 ELSEWHERE = """
 from typing import NamedTuple
@@ -170,13 +170,26 @@ print(planner.plan(mission=Mission.EXIT).cost == first.cost)
 """
 
 
+@pytest.mark.slow
 def test_bitcode_is_released_once_all_kernels_are_loaded_and_they_still_run():
     configs = shipped_configs()
     files = [configs / "sites/315kv_double_circuit.yaml", configs / "vehicles/x500.yaml"]
     answer = subprocess.run(
-        [sys.executable, "-c", RELEASED, *map(str, files)],
+        [sys.executable, "-B", "-c", RELEASED, *map(str, files)],
+        env={**os.environ, "PYTHONPATH": str(Path(moar_companion.__file__).parents[1])},
         check=True,
         capture_output=True,
         text=True,
     )
     assert answer.stdout.split() == ["True", "0", "True"]
+
+
+def test_kernels_that_the_service_loads_later_call_only_each_other():
+    """The bitcode of the others is released by then."""
+    kernels = [kernel for kernel in jit.KERNELS if kernel.py_func.__module__ == polyline.__name__]
+    assert kernels
+    for kernel in kernels:
+        function = kernel.py_func
+        used = [function.__globals__.get(name) for name in function.__code__.co_names]
+        called = {each.py_func.__module__ for each in used if isinstance(each, jit.Kernel)}
+        assert called <= {polyline.__name__}

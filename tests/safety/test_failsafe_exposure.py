@@ -189,10 +189,12 @@ def test_the_voltage_of_a_port_without_a_battery_does_not_count():
     assert voltage_reason(POWER, 0.4, 1.0) is None
 
 
-@pytest.mark.parametrize("action", AutopilotAction)
-def test_an_action_has_a_path_unless_it_is_known_to_stay_in_place(action):
-    """A new action counts as a return until its own path is known."""
+def test_an_action_without_a_path_of_its_own_counts_as_a_return():
+    """As one that a new autopilot adds: without its home a return is a climb."""
     places_m = np.array([[5.5, 7.5], [9.5, 7.5]])
-    found = paths(action, None, REACH, places_m, None, drift_m=1.0)
-    assert bool(found) is (action not in STAYS)
-    assert all(not np.array_equal(starts_m, ends_m) for starts_m, ends_m in found)
+    added = object()
+    (climb,) = paths(added, None, REACH, places_m, None)
+    for starts_m, ends_m in (climb, *paths(AutopilotAction.RETURN, None, REACH, places_m, None)):
+        assert starts_m.tolist() == places_m.tolist()
+        assert ends_m[:, 1].tolist() == [REACH.grid.upper_m[1]] * 2
+    assert [paths(action, None, REACH, places_m, None) for action in STAYS] == [[], []]
