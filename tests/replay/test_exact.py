@@ -114,6 +114,32 @@ def test_maps_that_failed_are_not_made_in_the_replay(calls):
     assert answer.site_maps is None
 
 
+@pytest.mark.parametrize(
+    ("kind", "was", "now", "what", "recorded", "recomputed"),
+    [
+        (
+            "decision",
+            [{"kind": "plan", "data": {"cost": [1.0, 2.0]}}],
+            [{"kind": "plan", "data": {"cost": [1.0, 2.5]}}],
+            "decision plan data.cost[1]",
+            "2.0",
+            "2.5",
+        ),
+        ("plan job", [{"job_id": 3}], [], "plan job 3", "{'job_id': 3}", "nothing"),
+        ("status", [{"text": "a" * 300}], [{}], "status", f"{{'text': '{'a' * 190}...", "{}"),
+        ("packet", [], [["a link", "00"]], "packet of no known kind", "nothing", None),
+    ],
+)
+def test_a_difference_is_named_by_its_path_with_both_values(
+    kind, was, now, what, recorded, recomputed
+):
+    replay = ExactReplay()
+    (found,) = replay._compared(kind, was, now)
+    assert (found.what, found.recorded) == (what, recorded)
+    assert recomputed is None or found.recomputed == recomputed
+    assert (replay.compared[kind], list(replay._compared(kind, was, was))) == (1, [])
+
+
 SECRET = bytes(range(32))
 
 
