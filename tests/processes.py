@@ -29,6 +29,17 @@ def process(module, *arguments, environment=None, **options):
             running.kill()
 
 
+def output_of(source, *arguments):
+    """What Python source prints in a process of its own, where no other test has run."""
+    return subprocess.run(
+        [sys.executable, "-B", "-c", source, *map(str, arguments)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+
+
 def companion(*arguments, **options):
     """`moar-companion` as a process."""
     return process("moar_companion", *arguments, **options)

@@ -12,6 +12,7 @@ import pytest
 import moar_companion
 from moar_companion.config import shipped_configs
 from moar_companion.planner import jit, polyline
+from tests.processes import output_of
 
 ELSEWHERE = """
 from typing import NamedTuple
@@ -174,14 +175,7 @@ print(planner.plan(mission=Mission.EXIT).cost == first.cost)
 def test_bitcode_is_released_once_all_kernels_are_loaded_and_they_still_run():
     configs = shipped_configs()
     files = [configs / "sites/315kv_double_circuit.yaml", configs / "vehicles/x500.yaml"]
-    answer = subprocess.run(
-        [sys.executable, "-B", "-c", RELEASED, *map(str, files)],
-        env={**os.environ, "PYTHONPATH": str(Path(moar_companion.__file__).parents[1])},
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    assert answer.stdout.split() == ["True", "0", "True"]
+    assert output_of(RELEASED, *files).split() == ["True", "0", "True"]
 
 
 def test_kernels_that_the_service_loads_later_call_only_each_other():

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import subprocess
-import sys
 
 import pytest
 
@@ -15,6 +13,7 @@ from moar_companion.perception_config import Perception, Sensor
 from moar_companion.service.optional_parts import open_perception, open_signing
 
 from ..mavlink.signed import SECRET
+from ..processes import output_of
 
 OPTIONAL = {
     "moar_companion.recording.calls",
@@ -39,9 +38,7 @@ LIBRARIES = {
 
 def test_the_service_imports_neither_optional_parts_nor_their_libraries():
     loaded = "import sys, moar_companion.service.app; print(*sys.modules)"
-    modules = subprocess.run(
-        [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
-    ).stdout.split()
+    modules = output_of(loaded).split()
     assert "moar_companion.service.app" in modules
     assert not (OPTIONAL | LIBRARIES) & set(modules)
 
