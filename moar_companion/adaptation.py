@@ -15,7 +15,7 @@ of two optima is the cheaper one for its own weights. That holds for any start a
     s = 0   the base weights, for any calibration
     s > 0   k_S for which the optimum from the calibrated start has gained the part s of the safety
             cost between that of the base weights and the least one
-    s = 1   k_S = 1: the safest point of the front, of those the one with the least TC + EC
+    s = 1   k_S = 1: the safest point of the front; of equal ones that with the least TC + EC
     s < 0   the same for the part -s of k_T TC + k_E EC, down to k_S = 0
 
 The front has finitely many points. A path switches to the next where s is midway between the parts

@@ -1,7 +1,7 @@
 """The command line: arguments in, exit status out.
 
 Only `main` turns errors into output for the user: one line on stderr, never a traceback. Exit
-status: 0 done; 2 usage or bad input; 1 all other failures and an interrupt.
+status: 0 done; 2 usage or bad input; 1 all other failures, and an interrupt (of a view: 0).
 """
 
 from __future__ import annotations

@@ -74,8 +74,8 @@ class Commands:
     """Senders that may command; hold and pause are accepted from any sender."""
 
     systems: tuple[int, ...] | None = None
-    """System ids; None: those of ground stations, and the vehicle's own. A command that another
-    vehicle's companion sends to all is not for this one; an id proves nothing beyond that."""
+    """System ids; None: those of ground stations, and the vehicle's own. This ignores commands that
+    the companion of another vehicle sends to all. An id does not prove who the sender is."""
     components: tuple[int, ...] | None = None
     """Component ids; None: any, since ground stations choose theirs freely."""
     links: tuple[str, ...] | None = None
@@ -119,8 +119,8 @@ class Supervision:
     """Time without any packet of the autopilot, heartbeat or other, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
     """Age of the last mode report at which control ends: the mode may have changed. The mode is
-    reported 20 times a second: on a link that loses 30 %, a gap of this length occurs once in 10^31
-    reports."""
+    reported 20 times a second or more: on a link that loses 30 %, a gap of this length occurs once
+    in 10^31 reports."""
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
     """Age of the armed state at which control ends; only HEARTBEAT reports it, on PX4 once a
     second."""
@@ -151,8 +151,8 @@ class Supervision:
     """Least time between the last place from where a battery's action would hit an obstacle and
     that action: in a gust a forecast of the charge is off by as much."""
     failsafe_action: LossCheck = LossCheck.WARN
-    """Response when an action of the autopilot's own on a lost link would hit an obstacle on a
-    plan: links are rarely lost, and places that are exposed are usual above a conductor."""
+    """Response to a plan on which the autopilot's action after a link loss would hit an obstacle.
+    A warning by default: links are rarely lost, and places above a conductor usually exposed."""
     jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
     """The setpoint follows a jump of the position; a greater jump needs an operator's decision."""
     plan_stale_s: Annotated[float, _Seconds] = 12.0

@@ -23,4 +23,4 @@ class InputError(Exception):
 
 
 class LinkError(Exception):
-    """A link that cannot be opened; the message is one line. The command line exits with 1."""
+    """A link that cannot be opened or gives no answer; the message is one line. Exit status 1."""

@@ -1,4 +1,4 @@
-"""Texts for pilots that belong to no condition: the third table of configs/README.md.
+"""Texts for pilots that belong to no condition: the table `other texts` of configs/README.md.
 
 Each text is a value that is called with its variable fields and returns the reason; the sender adds
 the action. Texts of the service itself: `service_texts`; of conditions: `safety/condition_texts`.

@@ -30,7 +30,7 @@ def process(module, *arguments, environment=None, **options):
 
 
 def output_of(source, *arguments):
-    """What Python source prints in a process of its own, where no other test has run."""
+    """Output of Python source in a process of its own, where no other test has run."""
     return subprocess.run(
         [sys.executable, "-B", "-c", source, *map(str, arguments)],
         cwd=ROOT,

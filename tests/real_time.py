@@ -26,7 +26,7 @@ _LOOK_S = 0.02
 _LATE_S = 0.1
 
 _stood_still_s: list[float] = []
-"""When the machine did, by `time.monotonic()`."""
+"""Times at which the machine did, by `time.monotonic()`."""
 
 
 @pytest.fixture(scope="session")

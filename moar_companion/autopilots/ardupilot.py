@@ -130,7 +130,8 @@ _LOSS_DEFAULTS = {
 _DETECTION_S = 0.4
 """0.1 s until ArduPilot detects missing setpoints; the rest is the shaper's jerk."""
 _SHAPING_S = 0.5
-"""Time in which the default jerk builds the acceleration up; any more counts 1.1 s/s."""
+"""Time in which the default jerk reaches the acceleration. Each further second of a lower jerk
+adds _SHAPED s to the stop."""
 _SHAPED = 1.1
 _LEVEL = 0.5
 """Fraction of WPNAV_ACCEL with which ArduPilot brakes in a tail wind."""

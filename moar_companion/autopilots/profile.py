@@ -71,7 +71,7 @@ class Profile:
     homeward_modes: frozenset[str]
     """Modes in which it returns, lands, or stops by itself: only the pilot may end them."""
     follow_up_modes: Mapping[str, str]
-    """Modes that another one ends in by itself, by name of the earlier one."""
+    """Mode that follows a mode by itself, by the name of the earlier one."""
 
     # Messages
 
@@ -98,7 +98,7 @@ class Profile:
     motor_range: tuple[str, str] | None
     """Parameters of the least and greatest output of the motors, in us."""
     unused_pulse_us: float
-    """Pulse of an output without a function, and of all while disarmed; beside 0."""
+    """Pulse of an unused output, and of all outputs while disarmed; 0 always is such a pulse."""
 
     # Failsafes that are reported
 
@@ -171,7 +171,7 @@ class Profile:
         return tuple(name for name in (self.gnss_switch, self.gnss_primary) if name is not None)
 
     def with_silence(self, parameters: Parameters) -> Parameters:
-        """Parameters in which all of this profile that are still awaited were never reported."""
+        """Parameters, with None (never reported) for those of this profile that are awaited."""
         names = (*self.loss_defaults, *self.failsafe_defaults, *self.fence_parameters)
         return {**dict.fromkeys(names), **parameters}
 

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs the service until it is stopped."""
-    # Off until the service has loaded everything: imported objects last as long as the process.
+    # No garbage collection until all is loaded: imported objects last as long as the process.
     gc.disable()
     config = configured(arguments)
     from ..service.app import run_service  # noqa: PLC0415

@@ -134,7 +134,7 @@ class MissionExecutor:
         return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
 
     def take_over(self, before: MissionExecutor) -> None:
-        """Takes what an executor without a site has noted."""
+        """Takes the values of the executor that ran before the planner was ready."""
         self.host = before.host
         self.risk_monitor.accuracies = before.risk_monitor.accuracies
 
@@ -279,7 +279,10 @@ class MissionExecutor:
             self._send_last_setpoint(now_s)
 
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
-        """Handles a missing plan: an order is denied, another request stays pending for room."""
+        """Handles an answer without a plan: denies an order, keeps the path, or brakes.
+
+        A request without an order stays pending if less inflation would leave room.
+        """
         reason = self.routes.inflation.explained(answer)
         if answer.detail:
             self._reports.record("no_plan", now_s, reason=reason, detail=answer.detail)

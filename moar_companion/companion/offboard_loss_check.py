@@ -90,9 +90,9 @@ class OffboardLossCheck:
             self._reports.send_text(Severity.WARNING, objection, now_s)
 
     def reconsider(self, flight: PathFollower | None) -> None:
-        """Repeats the check after less inflation or other failsafes: offboard loss alone counts.
+        """Repeats the check of an objection, after the inflation or the failsafes have changed.
 
-        The next plan is checked with all of the obstacles' width.
+        The offboard loss alone counts, and obstacles without their inflation.
         """
         if self.objection is not None and flight is not None:
             self.objection = self._objection_to(None, flight.path.rests_ahead_m())

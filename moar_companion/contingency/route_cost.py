@@ -95,9 +95,9 @@ class Outlook:
 
 
 def better_of(routes: Mapping[Mission, RouteCost | None], before: Mission | None) -> Mission | None:
-    """Returns the escape route that takes less; the present one, unless another takes clearly less.
+    """Returns the escape route of the least energy, or the present one if that needs little more.
 
-    A route that was not found again for long, while another was, does not count.
+    A route does not count if it was requested more than `ROUTE_MAX_AGE_S` before the newest one.
     """
     known = {mission: route for mission, route in routes.items() if route is not None}
     if not known:

@@ -35,7 +35,7 @@ autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's 
 _TURN_WITHIN_S = 0.2
 """ATTITUDE comes at 20 Hz or more, on a slow link at 10: over longer times rates are too coarse."""
 _WINDOW_S = 5.0
-"""Two of them count. PX4's own simulator is 1 % slow: in them it falls 0.1 s behind."""
+"""Length of a window; the latest two count. PX4's simulator clock is 1 % slow: 0.1 s in both."""
 _MOST_JUMPS = 100
 """Maximum number of jumps kept, of an estimator that jumps continuously."""
 

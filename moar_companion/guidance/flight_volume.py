@@ -193,14 +193,17 @@ class FlightVolume:
         return None
 
     def is_free_leg(self, start_m: Vector, end_m: Vector) -> bool:
-        """True if a straight leg keeps every keep-out; in one it begins in, comes no nearer."""
+        """True if a straight leg is outside every keep-out, less its margin.
+
+        If it begins in one, it must come no nearer to that obstacle.
+        """
         margin_m = self.site.margin.total_m
         return bool(self._leads_back(np.array([end_m]), np.array(start_m), margin_m)[0])
 
     def keeps_leg(self, corners_m: tuple[Vector, ...], from_m: Vector) -> bool:
-        """True if the rest of a leg, from a place in its corridor, keeps every keep-out.
+        """True if the rest of a leg, from a place in its corridor, is outside every keep-out.
 
-        In one that it begins in, it comes no nearer.
+        If it begins in one, it must come no nearer to that obstacle.
         """
         rest = list(corners_m)
         while len(rest) > 1 and distance_m(from_m, tuple(rest[1:])) <= self.corridor_width_m:
@@ -214,7 +217,7 @@ class FlightVolume:
         )
 
     def _leads_back(self, places_m: FloatArray, aircraft_m: FloatArray, less_m: float) -> BoolArray:
-        """Mask (n,) of places (n, 3) whose straight line to the aircraft keeps every keep-out.
+        """Mask (n,) of places (n, 3) whose straight line to the aircraft is outside keep-outs.
 
         less_m: part of keep-outs that may be entered. If the aircraft is in the rest of one, the
         line comes no nearer to that obstacle.

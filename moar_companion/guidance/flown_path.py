@@ -205,8 +205,8 @@ class FlownPath:
     def barred_m(self) -> float | None:
         """Distance along the trajectory of the first place ahead that the maps bar; None: none.
 
-        Beyond a stop by a brake, too. In a leg's corridor all places are barred, or none, as the
-        leg is.
+        Places beyond the stop point of a brake count, too. Places in the corridor of a checked leg
+        are barred if the leg is.
         """
         trajectory = self.reference.trajectory
         ahead = trajectory.distance_m >= self.reference.distance_m

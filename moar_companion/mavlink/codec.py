@@ -62,7 +62,7 @@ _BITS_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def checksum(data: bytes | bytearray) -> int:
-    """CRC-16/MCRF4XX, MAVLink's checksum: the mirror image of CRC-CCITT, which is in C."""
+    """CRC-16/MCRF4XX, MAVLink's checksum, by the CRC-CCITT of `binascii` on reversed bits."""
     mirrored = binascii.crc_hqx(data.translate(_BITS_REVERSED), 0xFFFF)
     return _BITS_REVERSED[mirrored >> 8] | _BITS_REVERSED[mirrored & 0xFF] << 8
 

@@ -1,4 +1,4 @@
-"""Sockets and serial port: the only I/O, and the only clock, of this package.
+"""Sockets and serial port, the I/O of this package with `udp_link` and `link_basics`.
 
 `open_link` carries bytes between an address and a callback in the running asyncio loop. A
 connection (TCP, serial) is used once; the loop around it reconnects. UDP has no connection.

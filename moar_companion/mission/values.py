@@ -71,8 +71,8 @@ class MissionStatus:
     known: frozenset[str] = frozenset()
     """Conditions known to the operator of that order, which have acted ever since."""
     hold_ordered: bool = False
-    """While ready: an operator has ordered a hold. Given the mode, the aircraft holds; without it
-    the task is not kept."""
+    """While ready: an operator has ordered a hold. If the mode is given, the aircraft holds; if the
+    offer expires, the task is dropped."""
     resumes: bool = False
     """While holding: the supervisor holds, not an operator. Resumes when no condition acts."""
     no_path: frozenset[Task] = frozenset()

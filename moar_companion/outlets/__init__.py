@@ -1,1 +1,1 @@
-"""Outputs of plans and flights besides the autopilot: pictures, recordings, messages, pages."""
+"""Outputs of plans and flights: pictures, recordings, pages, views in a terminal."""

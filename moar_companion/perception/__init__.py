@@ -1,1 +1,1 @@
-"""Points of a lidar in; conductors, towers, vegetation and ground out. Without I/O."""
+"""Points of a lidar or OBSTACLE_DISTANCE in; conductors, other obstacles, ground out. No I/O."""

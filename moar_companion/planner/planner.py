@@ -67,10 +67,10 @@ class Planner:
     longest ago loses its table.
 
     A plan's J is the optimum to 1e-10 for each second (and each EC) of the optimal path. Of paths
-    of equal J a plan is the one of the least sum of TC and EC; then of the fewest actions, the
-    shortest landing leg and the least sum of SC. These are the same with and without a table, to
-    rounding. Where several paths have all of them in common, which one is flown is not determined:
-    they differ in the order of their actions, and it may be another with a table than without.
+    of equal J a plan is the one of the least sum of TC and EC; then of the least weighted sum of
+    actions, landing leg and SC (`solver.TIE_ACTION`, `TIE_LEG`, `TIE_SAFETY`). These are the same
+    with and without a table, to rounding. Paths that are equal in all of them differ in the order
+    of their actions; a plan with a table may be another one of these than a plan without.
     """
 
     def __init__(

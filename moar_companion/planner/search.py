@@ -112,9 +112,10 @@ def backward(
     A step costs c(b) + k ||v_b - v_a||, where c is known at the state of arrival b. Backwards,
     one label of b bounds those of all headings in which the cell before it may be entered: the
     queue is of cells instead of states, and each step one loop without branches. Labels are the
-    costs of paths and only fall. A cell whose label fell is queued, again if need be, under the
-    least sum of such a label and `lead`, two lower bounds of what leads there from the start:
-    - k ||v - velocity||, as the changes of a path sum up to at least the straight one;
+    costs of paths and only fall. A cell whose label fell is queued, again if need be. Its key is
+    the least sum of such a label and `lead`, a lower bound of the cost from the start to the
+    label's state. `lead` is the sum of two bounds:
+    - k ||v - velocity||: the changes of a path sum up to at least the straight one;
     - k_T max_y y.(cell - start) over the rows y of `pace`: y.step is at most the duration of the
       step for each move, and so for sums of moves.
     Through every cell in the queue, therefore, no path is cheaper than its key, in whatever order

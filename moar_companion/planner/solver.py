@@ -25,15 +25,16 @@ TIE_TIME_ENERGY = 1e-10
 J is off its optimum by at most this times that sum of the optimal path: 1e-9 at 10 s."""
 
 TIE_ACTION = 1e-17
-"""Added per action: of those, the one with the fewest actions, each as much as 0.1 us of TC."""
+"""Added per action, as much as 0.1 us of TC: orders paths that are equal in J, TC and EC."""
 
 TIE_LEG = 1e-15
-"""Added per metre of the leg behind the goal's cell: of those, the one with the shortest."""
+"""Added per metre of the leg behind the goal's cell, as much as 10 us of TC."""
 
 TIE_SAFETY = 1e-14
-"""Added to k_S: where safety has no weight, of those the one with the least sum of SC d.
-These two are as small as rounding permits, 10 and 100 us of TC: they order equal costs, not similar
-ones. Fewer actions at equal J, TC and EC are so rare that rounding may decide where J is large."""
+"""Added to k_S, as much as 100 us of TC for each unit of SC d: where safety has no weight, it
+orders paths that are equal in J, TC and EC. The three are as small as rounding permits: they order
+equal costs, not similar ones. Paths that differ in their number of actions alone are so rare that
+rounding may decide where J is large."""
 
 _SLACK = 1e-14
 """Relative difference of bounds that is due to rounding."""

@@ -32,7 +32,7 @@ _CELL_FULL_V = 4.05
 """Full lithium-polymer cell under load; PX4's BAT1_V_CHARGED."""
 _MEASURING_S = 10.0
 """Measuring time at which the measured factor and the prior count alike. By then the current has
-settled. A step of the charge, at most 2 s late, is known to a fifth: as well as the file."""
+settled. A step of the charge may be 2 s late: an error of a fifth, as in the vehicle file."""
 _FORGETTING_S = 120.0
 """Time constant of the mean: longer than a leg, so that it covers all phases; shorter than a
 battery. While the power is far above the mean, _MEASURING_S replaces it."""

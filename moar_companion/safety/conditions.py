@@ -1,7 +1,7 @@
 """The supervisor's table: every condition against a flight, and its action.
 
-For each: its start, the time that its cause lasts before it acts, its end, and the operators who
-may override it. A pilot always may, by taking the mode. `supervisor` applies the table,
+For each: its start, the time that its cause lasts before it acts, its end, and the orders that
+override it. A pilot always may, by taking the mode. `supervisor` applies the table,
 `conditions_doc` shows it.
 """
 
@@ -28,7 +28,7 @@ CONDITIONS = (
     ),
     Condition(
         name="setpoint_rejected",
-        starts="the gate lets neither the setpoint pass nor a hold in its place",
+        starts="the gate refuses the setpoint, and a hold at the last one, too",
         action=Action.RELEASE,
         last_setpoint=False,
     ),
@@ -116,9 +116,9 @@ CONDITIONS = (
     ),
     Condition(
         name="energy_evacuation",
-        starts="after an evacuation, which takes less energy than an exit, no more than the "
-        "vehicle's `reserve_s` of flight would be left; or after the exit that is flown, and an "
-        "evacuation takes clearly less",
+        starts="an evacuation needs less energy than an exit, and would leave at most the "
+        "vehicle's `reserve_s` of flight; or the exit that is flown would, and an evacuation needs "
+        "clearly less",
         action=Action.EVACUATION,
         after_s=2.0,
         over_s=10.0,
@@ -126,7 +126,7 @@ CONDITIONS = (
     ),
     Condition(
         name="energy_exit",
-        starts="the same after an exit, where that takes less",
+        starts="an exit needs less energy than an evacuation, and would leave at most `reserve_s`",
         action=Action.EXIT,
         after_s=2.0,
         over_s=10.0,
@@ -134,9 +134,10 @@ CONDITIONS = (
     ),
     Condition(
         name="failsafe_exposure",
-        starts="where a failsafe of the autopilot would hit an obstacle: a battery's comes before "
-        "the escape route has left such places and `exposure_reserve_s` is over; or it has been "
-        "there for `exposure_limit_s` beyond the target's dwell",
+        starts="a failsafe of the autopilot would hit an obstacle from here: a battery's is "
+        "expected less than `exposure_reserve_s` after the escape route has left all such places; "
+        "or another one, and the aircraft has stayed for `exposure_limit_s` beyond the target's "
+        "dwell",
         action=Action.EXIT,
         after_s=1.0,
         over_s=10.0,
@@ -169,8 +170,10 @@ CONDITIONS = (
     ),
     Condition(
         name="offboard_loss_collision",
-        starts="after an offboard loss it would hit something, by what has changed since it was "
-        "planned: the autopilot's parameters, its home, how well the position is known",
+        starts="on the flight, or on the next plan that no operator has ordered, the autopilot's "
+        "action after an offboard loss would hit an obstacle (its parameters, its home, the maps "
+        "or the position's uncertainty have changed); under `failsafe_action: refuse` on that plan "
+        "its action after a link loss, too",
         action=Action.HOLD,
         over_s=1.0,
         override=Override.ORDER,
@@ -185,9 +188,9 @@ CONDITIONS = (
     ),
     Condition(
         name="origin_moved",
-        starts="the local frame's origin has moved since the flight began, or since an order was "
-        "given over that, by more than `jump_limit_m`, or than the margin's position error and "
-        "what is free beyond the margin",
+        starts="the local frame's origin has moved since the flight began, or since the last "
+        "order that overrode this condition, by more than `jump_limit_m`, or than the margin's "
+        "position error and what is free beyond the margin",
         action=Action.HOLD,
         latched=True,
         override=Override.ORDER,
@@ -195,7 +198,7 @@ CONDITIONS = (
     Condition(
         name="position_disagreement",
         starts="the local position, by its origin, is more than 0.5 m from the global position; "
-        "or home is that far from itself (ArduPilot)",
+        "or home's local and geodetic coordinates differ by as much (ArduPilot)",
         action=Action.HOLD,
         after_s=0.5,
         over_s=5.0,
@@ -211,8 +214,8 @@ CONDITIONS = (
     ),
     Condition(
         name="no_clearance",
-        starts="as uncertain as the position is, or with the margin, there is no room where the "
-        "setpoint would be, or no path onward",
+        starts="the position's uncertainty, the margin or the tracking error leaves no room at the "
+        "setpoint's place, or no path onward",
         action=Action.HOLD,
         over_s=1.0,
         override=Override.ORDER,
@@ -294,7 +297,7 @@ CONDITIONS = (
     ),
     Condition(
         name="planner_late",
-        starts="in an inspection a new plan is awaited for half of that",
+        starts="in an inspection a new plan is awaited for half of `plan_stale_s`",
         action=Action.SLOW,
         override=Override.ORDER,
     ),
@@ -307,8 +310,8 @@ CONDITIONS = (
     Condition(
         name="perception",
         starts="the sensor that looks for obstacles is silent for `timeout_s`, its newest scan is "
-        "older than `late_s`, or fewer of its beams return than `least_returns`; or what it has "
-        "seen is not on the maps for `timeout_s`",
+        "older than `late_s`, or fewer of its beams return than `least_returns`; or the maps "
+        "have lacked a seen obstacle for `timeout_s`",
         action=Action.HOLD,
         over_s=2.0,
         override=Override.SAFER,
@@ -322,7 +325,8 @@ CONDITIONS = (
     ),
     Condition(
         name="off_plane",
-        starts="the aircraft is farther from the plane than `plane_tolerance_m`",
+        starts="before the companion has control, the aircraft is farther from the plane than "
+        "`plane_tolerance_m`",
         action=Action.CONTINUE,
     ),
     Condition(
@@ -332,13 +336,12 @@ CONDITIONS = (
     ),
     Condition(
         name="offboard_loss_unknown",
-        starts="it is not known yet what the autopilot would do without the companion, or where "
-        "its fence is",
+        starts="the autopilot's parameters for an offboard loss, or its fence, are not known yet",
         action=Action.CONTINUE,
     ),
     Condition(
         name="energy_low_soon",
-        starts="after the better escape route at most a minute above `reserve_s` would be left",
+        starts="the better escape route would leave at most a minute more than `reserve_s`",
         action=Action.CONTINUE,
         after_s=2.0,
         over_s=10.0,
@@ -354,8 +357,7 @@ CONDITIONS = (
     ),
     Condition(
         name="battery_silent",
-        starts="a battery that has reported its charge has not done so for 15 s, or reports it no "
-        "more",
+        starts="a battery that has reported its charge is silent for 15 s, or reports no charge",
         action=Action.CONTINUE,
         override=Override.SAFER,
     ),

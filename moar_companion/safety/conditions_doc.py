@@ -31,14 +31,14 @@ def documentation() -> str:
 
 
 def texts() -> str:
-    """Returns the texts of all conditions as the second table of configs/README.md."""
+    """Returns the texts of all conditions as the table `texts` of configs/README.md."""
     rows = ["| condition | text |", "|---|---|"]
     rows += [f"| `{row.name}` | `{text}` |" for row in CONDITIONS for text in examples(row)]
     return "\n".join(rows)
 
 
 def other_texts() -> str:
-    """Returns the texts that belong to no condition as the third table of configs/README.md."""
+    """Returns the texts of no condition as the table `other texts` of configs/README.md."""
     rows = ["| text | meaning | what can be done |", "|---|---|---|"]
     rows += [f"| `{text.example}` | {text.meaning} | {text.remedy} |" for text in TEXTS.values()]
     return "\n".join(rows)

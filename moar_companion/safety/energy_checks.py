@@ -37,7 +37,7 @@ def wind(seen: CheckInputs, limit_mps: float) -> str | None:
 
 
 def control_saturated(seen: CheckInputs) -> str | None:
-    """Text for an aircraft that the wind moves off, or holds at its limits."""
+    """Text for an aircraft that drifts in wind, or is off its setpoint with saturated control."""
     if seen.drifted_m is not None:
         return f"wind too strong, drifting {max(1.0, seen.drifted_m):.0f} m"
     off_m = seen.error_m

@@ -55,7 +55,7 @@ class Exposed(NamedTuple):
 
 
 class FailsafeExposure:
-    """Keeps the autopilot's failsafes, and the time since when one would hit an obstacle."""
+    """Keeps the autopilot's failsafes, and the time since one without a forecast would hit."""
 
     def __init__(self, limits: Supervision, power: PowerModel) -> None:
         self._limits = limits

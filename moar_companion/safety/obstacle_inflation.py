@@ -15,8 +15,8 @@ STEP_M = 0.1
 _SLACK_M = 0.1
 """Fluctuation of receivers' accuracies under an open sky."""
 _SHRINKS_AFTER_S = 3.0
-"""Less than the time for which the supervisor's hold outlasts the uncertainty: the first plan
-after that uses the true value again."""
+"""Less than the time after which `uncertainty` clears (5 s): the first plan after that hold uses
+the smaller inflation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,1 +1,1 @@
-"""The shell, the only package with sockets, threads, files and clocks."""
+"""The shell of the machine: sockets, threads, files and clocks of a flight."""

@@ -84,9 +84,9 @@ def judge(
     """Returns the objections about targets, landings, obstacles and the workspace.
 
     landing_legs_m: the planned legs out of the workspace, from their last cells to above their
-    landing points; the way down from there belongs to each, as the climb from the ground into a
-    workspace that begins above it does to the take-off. landings_m: where each flight was to land,
-    at any of some points. From a landing point the way back is straight.
+    landing points. The vertical line below each end is permitted, too; so is the climb from the
+    ground into a workspace that begins above it. landings_m: the landing points of each flight, of
+    which it may choose one.
     """
     faults: list[str] = []
     obstacles = [_shape(obstacle) for obstacle in site.obstacles]

@@ -48,7 +48,7 @@ class LinkLosses:
         self._needs_sticks = False
 
     def arm(self) -> None:
-        """Begin a flight; sticks that were not there at arming may be lost until they come."""
+        """Begin a flight. Missing sticks count as lost once they were present in this flight."""
         self.sticks, self.ground_station = LinkLoss(), LinkLoss()
         self._needs_sticks = False
 

@@ -56,7 +56,7 @@ NETWORKX, IMAGE = "NetworkX A*", "scikit-image MCP"
 REFINED_TIMES = 100
 SAME_COSTS, AS_REFINED = "as many costs", f"{REFINED_TIMES} x refined"
 JUDGED = f"{TIMES[1]} x cold"
-"""When OMPL's two ways are compared."""
+"""Time at which both planners of OMPL are compared."""
 MARKERS = {
     "with tables": "*",
     "cold and refined": "P",

@@ -195,7 +195,7 @@ class AnyInput(RuleBasedStateMachine):
 
     @happens()
     def all_is_well_again_and_what_is_flown_goes_on(self):
-        """A flight that stands for no told reason would stand until the battery is empty."""
+        """A flight that holds without a reported reason would hold until the battery is empty."""
         self._see_that_it_flies()
         where = ("position_ned_m", "estimate_off_ned_m")
         self.desk.set(**{name: self.well[name] for name in self.well if name not in where})
@@ -412,7 +412,7 @@ class AnyInput(RuleBasedStateMachine):
         self._see_that_it_was_told()
 
     def _see_that_it_was_told(self):
-        """Whatever holds a flight, or leads it out, people have been told of."""
+        """Every reason that holds a flight, or ends its task, was reported."""
         leading = self.desk.companion.ruling.leading
         if self.judge.streaming and leading is not None and leading.condition.action > Action.SLOW:
             words = _without_numbers(leading.reason)

@@ -1,4 +1,4 @@
-"""When the broker is tried again, and what is logged of it."""
+"""Times of reconnections to the broker, and their log."""
 
 from itertools import pairwise
 

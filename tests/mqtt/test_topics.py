@@ -159,7 +159,7 @@ def test_every_field_of_a_payload_is_in_its_schema_with_its_type(name):
 
 
 def fits(value, schema, definitions):
-    """That a value fits a schema of those that pydantic writes for our models."""
+    """Asserts that a value fits a schema of those that pydantic writes for our models."""
     if "$ref" in schema:
         schema = definitions[schema["$ref"].rpartition("/")[2]]
     if "anyOf" in schema:

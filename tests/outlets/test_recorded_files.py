@@ -1,4 +1,4 @@
-"""Which recordings make room for new ones."""
+"""Recordings that are deleted for new ones."""
 
 import shutil
 from pathlib import Path

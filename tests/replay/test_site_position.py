@@ -1,4 +1,4 @@
-"""Where a recorded aircraft was: until its position is too old, or too far from the site."""
+"""Place of a recorded aircraft: until its position is too old, or too far from the site."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def test_steps_of_the_wall_clock_disturb_neither_the_cycles_nor_the_record(
     wall_s, began_s = time.time, clock_s()
 
     def stepped():
-        """It is set ahead by an hour, and then back by two."""
+        """A clock that is set ahead by an hour, then back by two."""
         step = int((clock_s() - began_s) / 0.6)
         return wall_s() + (0.0, 3600.0, -3600.0)[min(step, 2)]
 

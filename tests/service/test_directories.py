@@ -1,4 +1,4 @@
-"""Where the service records: by its configuration, else in systemd's folder."""
+"""Folder of the recordings: by the configuration, else systemd's."""
 
 from pathlib import Path
 

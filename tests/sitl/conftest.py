@@ -224,7 +224,7 @@ class ArduPilotFlight(Flight):
 
     @property
     def local_m(self):
-        """Where the autopilot believes to be."""
+        """The autopilot's own estimate of its place."""
         return self.vehicle.manner.position_ned_m
 
     @property

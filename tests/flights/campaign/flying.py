@@ -101,7 +101,7 @@ class Record:
     began_s: dict[str, tuple[float, float]]
     """By the number of the fault and its kind: its beginning and end, on the flight's clock."""
     broken_s: dict[Breaks, float]
-    """When each part of the promise ended, by the faults' kinds."""
+    """End of each part of the promise, by the faults' kinds."""
     orders_s: list[float]
     taken_reported_s: list[float]
     """Times at which a message with another mode than the companion's has arrived."""

@@ -1,4 +1,4 @@
-"""What a pilot and an operator do: modes, sticks, orders, links that they lose."""
+"""Actions of a pilot and an operator: modes, sticks, orders, links that they lose."""
 
 from __future__ import annotations
 
