@@ -39,12 +39,12 @@ AT_TARGET = PilotText(
     meaning="the aircraft is at this target, for its dwell time",
 )
 LANDING_LEG = PilotText(
-    pattern="landing leg of the {mission}",
+    pattern="landing leg of the {escape}",
     meaning="the last, straight leg to the landing point is flown",
 )
 PLANNING = PilotText(
     pattern="planning {mission}",
-    meaning="an order was received, its plan is sought",
+    meaning="an order was received, its plan is computed",
 )
 READY_TO_HOLD = PilotText(
     pattern="ready to hold",
@@ -87,10 +87,10 @@ PLACE_LEFT = PilotText(
 
 # Answers to orders
 
-OVERTAKEN = PilotText(
-    pattern="overtaken by a newer order",
+REPLACED = PilotText(
+    pattern="replaced by a newer order",
     actions=("cancelled",),
-    meaning="an order came before this one's plan was found",
+    meaning="another order came before this one's plan was found",
 )
 NOTHING_HELD = PilotText(
     pattern="nothing is held",
@@ -110,7 +110,7 @@ NOTHING_FLOWN = PilotText(
     meaning="a hold while nothing is planned or flown",
 )
 JUST_RELEASED = PilotText(
-    pattern="released just now",
+    pattern="control has just ended",
     actions=_REJECTED,
     meaning="the order was sent before the end of control was reported to the operator",
     remedy="order again",
@@ -235,13 +235,13 @@ TRACKING_BLOCKS = PilotText(
 TARGET_FENCED = PilotText(
     pattern="{target} past {fence}",
     actions=_STAYS,
-    meaning="only this limit of the autopilot's fence, with `fence_margin_m`, blocks the path",
+    meaning="the target is outside this limit of the autopilot's fence, less `fence_margin_m`",
     remedy="order another target, or change the fence",
 )
 FENCED = PilotText(
     pattern="fence {fence}",
     actions=_NO_ESCAPE,
-    meaning="the same, of a target with a long name, an exit or an evacuation",
+    meaning="only this limit of the autopilot's fence, less `fence_margin_m`, blocks the path",
     remedy="take over, or change the fence",
 )
 FAR_OUTSIDE = PilotText(
@@ -300,7 +300,7 @@ CONDUCTOR_SEEN = PilotText(
     remedy="survey the site again; see `moar-companion view`",
 )
 CONDUCTOR_MOVED = PilotText(
-    pattern="{obstacle} {m} m off the file",
+    pattern="{conductor} {m} m off the file",
     actions=("avoided",),
     meaning="the sensor sees this conductor at this distance from its place in the site file; both "
     "places are avoided",

@@ -14,7 +14,7 @@ from .text_patterns import PilotText
 RESTARTED = PilotText(
     pattern="restarted, was {before}",
     meaning="the service was restarted during a mission, or in flight",
-    remedy="the pilot flies on; see the next two",
+    remedy="let the pilot fly on; order `continue` or a mission",
 )
 CONTINUE_POSSIBLE = PilotText(
     pattern="order continue to fly the rest",
@@ -22,7 +22,7 @@ CONTINUE_POSSIBLE = PilotText(
     remedy="order `continue`",
 )
 MODE_STILL_ON = PilotText(
-    pattern="{mode} is on, waiting for an order",
+    pattern="{own_mode} is on, waiting for an order",
     meaning="after a restart in flight the autopilot still is in our mode",
     remedy="order a mission, or take over",
 )

@@ -11,19 +11,21 @@ from dataclasses import dataclass
 
 from .text_format import pilot_text, reason_chars, short_name
 
-NAMES = frozenset({"target", "obstacle", "host"})
+NAMES = frozenset({"target", "obstacle", "conductor", "host"})
 """Fields that are cut to the available room."""
 FIELDS: Mapping[str, tuple[str, str]] = {
     "mission": ("inspection", "evacuation"),
+    "escape": ("exit", "evacuation"),
     "target": ("splice-1", "M" * 100),
     "obstacle": ("tower", "M" * 100),
+    "conductor": ("right-middle", "M" * 100),
     "host": ("192.168.1.20", "255.255.255.255"),
     "fence": ("FENCE_RADIUS 50 m", "GF_MAX_HOR_DIST 10000 m"),
     "mode": ("POSCTL", "LOITER_ALT_QLAND"),
     "own_mode": ("OFFBOARD", "OFFBOARD"),
     "state": ("holding", "planning"),
     "before": ("flying inspection", "landing leg of the evacuation"),
-    "order": ("hold", "release"),
+    "order": ("release", "release"),
     "risk": ("wind", "communication"),
     "path": ("path 1.4 m outward", "path 9999 m outward"),
     "trigger": ("RC loss", "companion loss"),

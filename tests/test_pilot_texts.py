@@ -165,7 +165,7 @@ def test_the_mode_of_each_autopilot_is_one_that_the_companion_waits_for():
 
 def test_answers_to_orders_end_with_their_verdict():
     words = {verdict.value.rpartition(" ")[2] for verdict in Verdict}
-    for name in ("NOTHING_HELD", "NO_SITE", "OVERTAKEN", "PLACE_LEFT"):
+    for name in ("NOTHING_HELD", "NO_SITE", "REPLACED", "PLACE_LEFT"):
         assert words.intersection(TEXTS[name].actions)
 
 

@@ -259,5 +259,5 @@ class SeenObstacles:
         if reported_m is not None and abs(off_m - reported_m) <= self.settings.moved_m:
             return
         self._reported_m[name, seen] = off_m
-        text = pilot_texts.CONDUCTOR_MOVED(m=distance(off_m), obstacle=name)
+        text = pilot_texts.CONDUCTOR_MOVED(m=distance(off_m), conductor=name)
         self._texts.append((Severity.WARNING, text))

@@ -66,5 +66,5 @@ class StartReport:
             if may_continue:
                 texts.append(service_texts.CONTINUE_POSSIBLE())
         if flying and autopilot.ours:
-            texts.append(service_texts.MODE_STILL_ON(mode=autopilot.mode))
+            texts.append(service_texts.MODE_STILL_ON(own_mode=autopilot.mode))
         return texts

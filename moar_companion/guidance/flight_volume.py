@@ -322,7 +322,7 @@ class FlightVolume:
                     for leg in legs
                 )
             ):
-                return f"aims past {crossed}"
+                return f"sp outside {crossed}"
         x_m, _, z_m = setpoint.position_m
         finite = math.isfinite(x_m) and math.isfinite(z_m)
         if (

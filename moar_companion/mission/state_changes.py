@@ -61,7 +61,7 @@ def state_words(state: MissionState, task: Task | None) -> str:
     if state is MissionState.AT_TARGET and goal:
         return pilot_texts.AT_TARGET(target=goal)
     if state is MissionState.LANDING_LEG:
-        return pilot_texts.LANDING_LEG(mission=mission)
+        return pilot_texts.LANDING_LEG(escape=mission)
     if state is MissionState.READY:
         return pilot_texts.READY(mission=mission)
     if state is MissionState.FLYING and goal:
@@ -83,4 +83,4 @@ def answer_cancelled(status: MissionStatus) -> tuple[Effect, ...]:
     """Answers an open order that a newer one overtakes."""
     if status.order_id is None:
         return ()
-    return (Answer(status.order_id, Verdict.CANCELLED, pilot_texts.OVERTAKEN()),)
+    return (Answer(status.order_id, Verdict.CANCELLED, pilot_texts.REPLACED()),)

@@ -87,11 +87,11 @@ def command(
             return answer_rejected(status, order_id, pilot_texts.NOTHING_LEFT())
         return _sought(status, status.task, order_id, world, now_s)
     done = Answer(order_id, Verdict.ACCEPTED)
-    overtaken, status = answer_cancelled(status), replace(status, order_id=None)
+    replaced, status = answer_cancelled(status), replace(status, order_id=None)
     if order is Order.HOLD and status.state in IN_CONTROL:
         held, effects = enter(replace(status, resumes=False), MissionState.HOLDING, now_s)
         return held, (
-            *overtaken,
+            *replaced,
             *effects,
             Do.BRAKE,
             OverrideConditions(_known(world, now_s)),
@@ -100,12 +100,12 @@ def command(
     if order is Order.HOLD and status.state is MissionState.READY:
         # The mode may have been given and not yet received: the stream must not end.
         ready = replace(status, hold_ordered=True, sought=None)
-        return ready, (*overtaken, Do.BRAKE, done, SendText(pilot_texts.READY_TO_HOLD()))
+        return ready, (*replaced, Do.BRAKE, done, SendText(pilot_texts.READY_TO_HOLD()))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
         reason = pilot_texts.ON_COMMAND(order=order.value)
         silent, effects = end_stream(status, rest, reason, now_s, last_setpoint=True)
-        return silent, (*overtaken, *effects, done)
+        return silent, (*replaced, *effects, done)
     if status.state is MissionState.OVERRIDDEN:
         # The task that a returned mode would resume is dropped.
         dropped = replace(status, task=None)

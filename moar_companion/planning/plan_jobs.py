@@ -153,13 +153,12 @@ def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | N
 
 def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
     """Answer that only the fence blocks a plan."""
-    goal_m = plan.waypoints.position_m[-1:]
-    crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m)
-    crossed = crossed or fence.bounds[0].name
+    of_goal = fence.crossed(plan.waypoints.position_m[-1:])
+    crossed = of_goal or fence.crossed(plan.waypoints.position_m) or fence.bounds[0].name
     request = plan.request
     goal = request.target if isinstance(request.target, str) else request.mission.value
     reason = pilot_texts.TARGET_FENCED(target=goal, fence=crossed)
-    if request.mission is not Mission.INSPECTION or goal not in reason:
+    if of_goal is None or request.mission is not Mission.INSPECTION or goal not in reason:
         reason = pilot_texts.FENCED(fence=crossed)
     return replace(
         answer,

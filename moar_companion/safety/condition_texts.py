@@ -19,7 +19,7 @@ _GATE = (
     "setpoint too close to an obstacle",
     "setpoint near an obstacle, or low",
     "setpoint outside the workspace",
-    "aims past {GF_MAX_HOR_DIST 100 m|GF_MAX_HOR_DIST 10000 m}",
+    "sp outside {GF_MAX_HOR_DIST 100 m|GF_MAX_HOR_DIST 10000 m}",
     "setpoint leaves drifting aircraft",
     "setpoint at {12.1|99999} m/s > {10.5|99999}",
     "setpoint jumps by {1.2|99999} m",

@@ -112,7 +112,7 @@ CEILING = PlaneFence(bounds=(Bound(name="GF_MAX_VER_DIST 13 m", z_m=(-5.0, 13.0)
     [
         (6.6, 0.6, "no free path to beyond", True),
         (5.6, 0.0, "no path with margin 2.55 m", False),
-        (0.5, 0.0, "beyond past GF_MAX_VER_DIST 13 m", False),
+        (0.5, 0.0, "fence GF_MAX_VER_DIST 13 m", False),
     ],
 )
 def test_a_fence_is_named_as_reason_only_where_no_narrower_margin_opens_a_path(

@@ -82,7 +82,7 @@ def test_an_order_that_crosses_with_a_failsafe_is_rejected(failsafe_first):
         desk.order(EXIT).send_heartbeat(AUTO_HOLD, CRITICAL)
     desk.run(2.0)
     assert (desk.state, desk.answers()[-1]) == ("released", TEMPORARILY_REJECTED)
-    assert desk.said("released just now")
+    assert desk.said("control has just ended")
     assert not desk.setpoints(began)
     desk.order(EXIT).run(0.5)  # the operator has received the text
     assert (desk.state, desk.answers()[-1]) == ("ready", ACCEPTED)

@@ -89,7 +89,7 @@ def test_a_moving_setpoint_past_the_fence_is_refused_and_one_at_rest_is_not():
         return space.refusal(setpoint, (), plane_tolerance_m=1.0, widened_m=0.0, **changes)
 
     assert refusal(6.5, 0.5) is None
-    assert refusal(8.5, 0.5) == "aims past GF_MAX_HOR_DIST 7 m"
+    assert refusal(8.5, 0.5) == "sp outside GF_MAX_HOR_DIST 7 m"
     assert refusal(8.5, 0.0) is None
     assert refusal(8.5, 0.5, brakes=True) is None
 
@@ -101,6 +101,6 @@ def test_a_recovery_leg_may_begin_past_the_fence():
     limits = {"plane_tolerance_m": 1.0, "widened_m": 0.0}
     assert space.refusal(setpoint, (leg,), **limits) is None
     aside = replace(setpoint, position_m=(9.5, 0.0, 8.5))
-    assert space.refusal(aside, (leg,), **limits) == "aims past GF_MAX_HOR_DIST 7 m"
+    assert space.refusal(aside, (leg,), **limits) == "sp outside GF_MAX_HOR_DIST 7 m"
     no_entry = replace(leg, is_entry=False)
-    assert space.refusal(setpoint, (no_entry,), **limits) == "aims past GF_MAX_HOR_DIST 7 m"
+    assert space.refusal(setpoint, (no_entry,), **limits) == "sp outside GF_MAX_HOR_DIST 7 m"

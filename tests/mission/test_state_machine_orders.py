@@ -171,9 +171,9 @@ def test_hold_and_release_cancel_an_order_before_the_flight_too(state, order):
     flight = story(state)
     if state is S.READY:
         flight.order(EXIT)
-    overtaken = flight.last_id
+    replaced = flight.last_id
     flight.order(order)
-    assert flight.answers == [(overtaken, "cancelled"), (overtaken + 1, "accepted")]
+    assert flight.answers == [(replaced, "cancelled"), (replaced + 1, "accepted")]
     assert flight.plan_found().effects == []
 
 

@@ -33,7 +33,7 @@ def test_an_order_just_after_the_release_is_rejected_and_the_next_one_is_planned
     flight = story(S.FLYING).see(**change).see(position=None)
     flight.order(EXIT)
     assert flight.answers == [(2, "temporarily rejected")]
-    assert flight.reasons == ["released just now"]
+    assert flight.reasons == ["control has just ended"]
     assert flight.state == state
     flight.tick(0.5)
     assert flight.order(EXIT).state == "planning"
@@ -55,10 +55,10 @@ def test_a_plan_that_is_found_when_control_has_just_ended_is_not_accepted(state,
     assert not any("ready" in text for text in flight.said)
 
 
-def test_an_order_overtaken_by_a_newer_one_is_cancelled_with_a_reason():
+def test_an_order_replaced_by_a_newer_one_is_cancelled_with_a_reason():
     flight = story(S.FLYING).order(EXIT).order(EVACUATION)
     assert flight.answers == [(2, "cancelled")]
-    assert flight.reasons == ["overtaken by a newer order"]
+    assert flight.reasons == ["replaced by a newer order"]
 
 
 def test_a_landing_by_the_pilot_ends_overridden():
@@ -201,7 +201,7 @@ def test_an_order_being_planned_fails_with_the_reason_of_the_hold():
     assert "wind 13.2 m/s" in flight.reasons[0]
 
 
-@pytest.mark.parametrize("end", ["denied", "taken back", "overtaken by the next gust"])
+@pytest.mark.parametrize("end", ["denied", "taken back", "replaced by that of the next gust"])
 def test_an_order_that_is_not_flown_keeps_the_held_mission_resumable(end):
     flight = story(S.FLYING).see(**WIND).tick(3.1).tick(KNOWN_S).order(EXIT)
     if end == "denied":

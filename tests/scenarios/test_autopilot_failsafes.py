@@ -229,7 +229,7 @@ def test_an_order_that_a_newer_order_overtakes_is_cancelled_with_a_text():
     flight.run(0.3)
     flight.operator.mission(EXIT)
     flight.run(3.0)
-    assert flight.operator.has_received("MOAR: overtaken by a newer order, cancelled")
+    assert flight.operator.has_received("MOAR: replaced by a newer order, cancelled")
 
 
 @pytest.mark.parametrize("manner", Manner)
