@@ -102,13 +102,13 @@ class Adaptation:
 
     @property
     def words(self) -> str:
-        """The rule as a text."""
+        """The kind as a text."""
         if self.kind is AdaptationKind.PAPER:
             return "Eq. 9"
         return "calibrated" if self.calibration is not None else "calibrated, front not known yet"
 
     def to_dict(self) -> dict[str, Any]:
-        """The rule, and its calibration state, for JSON."""
+        """Its kind and calibration state, for JSON."""
         return {"kind": self.kind.value, "calibrated": self.calibration is not None}
 
 

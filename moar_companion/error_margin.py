@@ -16,19 +16,19 @@ from .types import AutopilotKind
 from .vehicle import SpeedLimits, Vehicle
 
 
-def seen_margin(kind: AutopilotKind | None) -> Margin:
+def measured_margin(kind: AutopilotKind | None) -> Margin:
     """Margin measured for an autopilot; for an unknown one the greatest."""
-    seen = profile(kind)
-    return Margin(position_m=seen.position_error_m, tracking_m=seen.tracking_error_m)
+    measured = profile(kind)
+    return Margin(position_m=measured.position_error_m, tracking_m=measured.tracking_error_m)
 
 
 def margin_of(vehicle: Vehicle, supervision: Supervision) -> Margin:
     """Margin that a vehicle is flown with: as configured, else as measured for its autopilot."""
-    seen = seen_margin(vehicle.autopilot)
+    measured = measured_margin(vehicle.autopilot)
     position_m, tracking_m = supervision.position_uncertainty_m, vehicle.guidance.tracking_margin_m
     return Margin(
-        position_m=seen.position_m if position_m is None else position_m,
-        tracking_m=seen.tracking_m if tracking_m is None else tracking_m,
+        position_m=measured.position_m if position_m is None else position_m,
+        tracking_m=measured.tracking_m if tracking_m is None else tracking_m,
     )
 
 

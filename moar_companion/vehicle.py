@@ -137,7 +137,7 @@ class Vehicle:
     power: Power = field(default_factory=Power)
     risk: RiskModel = field(default_factory=RiskModel)
 
-    def rule(self, mission: Mission) -> Adaptation:
+    def adaptation_of(self, mission: Mission) -> Adaptation:
         """The adaptation of a mission's weights, not calibrated."""
         return Adaptation(base=self.weights[mission], kind=self.adaptation)
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from sitl import sim_parameters
 from sitl.battery import BatteryOptions
 from sitl.conditions import Conditions
-from sitl.links import Air, Link, LinkOptions, Router
+from sitl.links import DelayedPackets, Link, LinkOptions, Router
 from sitl.manner import Manner
 from sitl.manners import KINDS
 from sitl.quadrotor import Airframe
@@ -113,7 +113,7 @@ class FakeAutopilot:
         for name in options.parameters:
             sim_parameters.apply(name, parameters, self._world.conditions)
         self._manner = kind.start(self._world, Router(list(self._links.values())), parameters)
-        self._to_autopilot = Air[tuple[str, bytes]]()
+        self._to_autopilot = DelayedPackets[tuple[str, bytes]]()
 
     @property
     def manner(self) -> Manner:

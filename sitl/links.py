@@ -36,7 +36,7 @@ class LinkOptions:
     signing: SignOptions | None = None
 
 
-class Air(Generic[Packet]):
+class DelayedPackets(Generic[Packet]):
     """Packets under way in one direction; those with less delay overtake others."""
 
     def __init__(self) -> None:
@@ -73,7 +73,7 @@ class Link:
         self.sent_bytes = 0
         self.received_bytes = 0
         self.loss_fraction = 0.0
-        self.from_autopilot = Air[bytes]()
+        self.from_autopilot = DelayedPackets[bytes]()
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._signed = options.signing is not None

@@ -8,7 +8,7 @@ import pytest
 
 from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
-from moar_companion.error_margin import flown_site, margin_of, seen_margin
+from moar_companion.error_margin import flown_site, margin_of, measured_margin
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
@@ -29,12 +29,14 @@ def with_tracking(tracking_m):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_margin_is_the_measured_error_of_the_autopilot(kind):
-    assert margin_of(replace(X500, autopilot=kind), Supervision()) == seen_margin(kind)
+    assert margin_of(replace(X500, autopilot=kind), Supervision()) == measured_margin(kind)
 
 
 @pytest.mark.parametrize("kind", [None, autopilots.UNKNOWN])
 def test_the_margin_of_an_unknown_autopilot_is_the_greatest(kind):
-    assert seen_margin(kind) == max(map(seen_margin, KINDS), key=lambda margin: margin.total_m)
+    assert measured_margin(kind) == max(
+        map(measured_margin, KINDS), key=lambda margin: margin.total_m
+    )
 
 
 def test_a_measured_error_replaces_the_default():

@@ -97,8 +97,11 @@ def test_weights_are_normalised(tmp_path: Path) -> None:
 def test_the_adaptation_is_that_of_the_paper_unless_configured(tmp_path: Path) -> None:
     assert load(EXAMPLE, tmp_path).adaptation is AdaptationKind.PAPER
     vehicle = load(EXAMPLE + "adaptation: calibrated\n", tmp_path)
-    rule = vehicle.rule(Mission.EXIT)
-    assert (rule.kind, rule.base) == (AdaptationKind.CALIBRATED, vehicle.weights[Mission.EXIT])
+    adaptation = vehicle.adaptation_of(Mission.EXIT)
+    assert (adaptation.kind, adaptation.base) == (
+        AdaptationKind.CALIBRATED,
+        vehicle.weights[Mission.EXIT],
+    )
 
 
 def test_v_max_may_be_configured(tmp_path: Path) -> None:

@@ -171,11 +171,11 @@ def run(arguments: argparse.Namespace) -> int:
         adaptation=arguments.adaptation,
     )
 
-    rule = plan.request.adaptation
-    assert rule is not None  # the request has risks
-    explanation = _explained(planner, plan, rule) if arguments.explain else {}
+    adaptation = plan.request.adaptation
+    assert adaptation is not None  # the request has risks
+    explanation = _explained(planner, plan, adaptation) if arguments.explain else {}
 
-    others = alternatives(planner, plan.request, rule) if arguments.alternatives else ()
+    others = alternatives(planner, plan.request, adaptation) if arguments.alternatives else ()
     refined = planner.refine(plan) if arguments.refine and not plan.reason else None
     document = _document(plan, explanation, others)
     if arguments.refine:
@@ -203,7 +203,7 @@ def run(arguments: argparse.Namespace) -> int:
     front: list[Supported] = []
     trade_off: dict[str, Any] = {}
     if arguments.pareto or arguments.pareto_plot:
-        front, trade_off = _trade_off(planner, plan, rule)
+        front, trade_off = _trade_off(planner, plan, adaptation)
     failures = [
         write_output("--json", arguments.json, lambda stream: _write(document, stream)),
         write_output("--maps", arguments.maps, lambda stream: write_maps(planner.maps, stream)),
@@ -322,7 +322,7 @@ def _check_outputs(arguments: argparse.Namespace, vehicle_file: str) -> None:
 
 
 def _trade_off(
-    planner: Planner, plan: Plan, rule: Adaptation
+    planner: Planner, plan: Plan, adaptation: Adaptation
 ) -> tuple[list[Supported], dict[str, Any]]:
     """The front of a plan's problem, and its document with the plan's sensitivity."""
     from ..planner.analysis.pareto import front_document, pareto_front, sensitivity  # noqa: PLC0415
@@ -331,7 +331,7 @@ def _trade_off(
         return [], front_document(plan, [], {})
     planner.prepare(mission=plan.mission, target=plan.request.target)
     front = pareto_front(planner, plan.request)
-    return front, front_document(plan, front, sensitivity(planner, plan, rule))
+    return front, front_document(plan, front, sensitivity(planner, plan, adaptation))
 
 
 def _text(document: dict[str, Any]) -> str:
@@ -342,15 +342,15 @@ def _write(document: dict[str, Any], stream: IO[bytes]) -> None:
     stream.write(_text(document).encode())
 
 
-def _explained(planner: Planner, plan: Plan, rule: Adaptation) -> dict[str, Any]:
+def _explained(planner: Planner, plan: Plan, adaptation: Adaptation) -> dict[str, Any]:
     """Effect of the risks on weights and path: against the plan of the problem without them."""
     from ..planner.comparison import path_difference  # noqa: PLC0415
     from ..risk.explain import WeightsReason  # noqa: PLC0415
 
-    request = replace(plan.request, risk=RiskIndices()).adapted(rule)
+    request = replace(plan.request, risk=RiskIndices()).adapted(adaptation)
     difference = path_difference(planner.solve(request), plan)
     return {
-        "weights": WeightsReason.of(rule, plan.request.risk).to_dict(),
+        "weights": WeightsReason.of(adaptation, plan.request.risk).to_dict(),
         "path": None if difference is None else difference.to_dict(),
     }
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from ..adaptation import Adaptation
 from ..autopilots import profile
 from ..config import CompanionConfig
-from ..contingency.route_cost import Outlook
+from ..contingency.route_cost import EnergyForecast
 from ..estimation.pose import Jump, Pose
 from ..estimation.pose_tracker import PoseTracker, SiteMaps, grounded
 from ..guidance.path_follower import Progress
@@ -141,17 +141,17 @@ class Companion:
         return self._executor.risk
 
     @property
-    def rule(self) -> Adaptation:
+    def adaptation(self) -> Adaptation:
         """The adaptation of the present mission's weights; of the active plan, if it has one."""
-        task = self.status.sought or self.status.task
-        return self._executor.routes.adaptation(
+        task = self.status.requested or self.status.task
+        return self._executor.routes.adaptation_of(
             Mission.INSPECTION if task is None else task.mission
         )
 
     @property
     def weights(self) -> Weights:
         """The weights of the present mission under the present risks."""
-        return self.rule.weights(self.risk.indices)
+        return self.adaptation.weights(self.risk.indices)
 
     @property
     def ruling(self) -> Ruling:
@@ -159,9 +159,9 @@ class Companion:
         return self._executor.ruling
 
     @property
-    def outlook(self) -> Outlook | None:
+    def energy_forecast(self) -> EnergyForecast | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
-        return self._executor.risk_monitor.outlook
+        return self._executor.risk_monitor.energy_forecast
 
     @property
     def perception_report(self) -> PerceptionReport | None:

@@ -18,11 +18,11 @@ from ..mavlink.session import Session, Severity
 from ..mission import state_machine
 from ..mission.values import (
     Answer,
-    Do,
     Effect,
+    FlightEffect,
     MissionStatus,
     OverrideConditions,
-    Seek,
+    RequestPlan,
     SendText,
     Situation,
     Step,
@@ -206,10 +206,10 @@ class MissionExecutor:
         if adopted is not Adoption.TOO_LATE:
             step = state_machine.planned(self.status, self._situation(now_s), now_s)
             self._carry_out(step, now_s)
-        elif self.status.sought is not None and self.routes.flight is not None:
+        elif self.status.requested is not None and self.routes.flight is not None:
             # The planner is slower than the flight: the next plan begins at a stop point.
             self.routes.brake()
-            self._seek(self.status.sought, now_s)
+            self._request_plan(self.status.requested, now_s)
 
     def withdraw(self, order_id: int) -> None:
         """Takes an order that its operator cancelled, for the next transition."""
@@ -312,7 +312,7 @@ class MissionExecutor:
         effects = deque(step[1])
         while effects:
             effects.extendleft(reversed(self._carry_out_one(effects.popleft(), now_s)))
-        if self.status.sought is None:
+        if self.status.requested is None:
             if self.status.state not in STREAMING:
                 self.routes.end()
             else:
@@ -328,7 +328,7 @@ class MissionExecutor:
     def _carry_out_one(self, effect: Effect, now_s: float) -> tuple[Effect, ...]:
         """Carries out an effect; returns the effects of the transition that it leads to."""
         match effect:
-            case Seek(task):
+            case RequestPlan(task):
                 if self.routes.resume(task, self._pose_tracker.pose):
                     # The rest of a landing leg needs no plan.
                     status, effects = state_machine.planned(
@@ -336,7 +336,7 @@ class MissionExecutor:
                     )
                     self._take(status, now_s)
                     return effects
-                self._seek(task, now_s)
+                self._request_plan(task, now_s)
             case Answer(order_id, verdict, reason):
                 self._orders.answer(order_id, verdict, reason, now_s)
             case SendText(text, action, serious, is_new, condition):
@@ -344,20 +344,20 @@ class MissionExecutor:
                 self._reports.send_text(severity, text, now_s, action=action, is_new=is_new)
                 if condition:
                     self._safety_monitor.note_reported(condition)
-            case Do.BRAKE:
+            case FlightEffect.BRAKE:
                 self.routes.brake()
             case OverrideConditions(known):
                 self._safety_monitor.override(known)
                 if "origin_moved" in known:
                     self._pose_tracker.agreement.accept_origin()
                 self.mode_requester.forget_landing()
-            case Do.SEND_LAST_SETPOINT:
+            case FlightEffect.SEND_LAST_SETPOINT:
                 self._send_last_setpoint(now_s)
-            case Do.LAND:
+            case FlightEffect.LAND:
                 self.mode_requester.note_landing()
         return ()
 
-    def _seek(self, task: Task, now_s: float) -> None:
+    def _request_plan(self, task: Task, now_s: float) -> None:
         """Requests a task's first plan."""
         self.routes.ask(task, self._pose_tracker.pose, self.risk.indices, now_s, first=True)
 
@@ -386,8 +386,8 @@ class MissionExecutor:
         self.faults.note_refusal(refused)
         if refused.rest is not None:
             self.routes.stop_at(refused.rest.position_m)
-            if self.status.sought is not None:
-                self._seek(self.status.sought, now_s)
+            if self.status.requested is not None:
+                self._request_plan(self.status.requested, now_s)
 
     def _send_last_setpoint(self, now_s: float) -> None:
         """Sends the last setpoint before the stream ends: the previous place, at rest."""

@@ -142,7 +142,7 @@ class ModeRequester:
             self._had_control = in_control
         if now_s - autopilot.received_s > _FRESH_S:
             return
-        if self._landing_due and autopilot.ours and at_end and status.sought is None:
+        if self._landing_due and autopilot.ours and at_end and status.requested is None:
             self._ask_for_landing(now_s)
         if self._may_take(status, autopilot, now_s):
             self._requests, self._requested_s = self._requests + 1, now_s

@@ -49,7 +49,7 @@ class PlanReports:
 
         flown: rest of the plan before it; None where that could not stay.
         """
-        rule = plan.request.adaptation or self._vehicle.rule(plan.mission)
+        adaptation = plan.request.adaptation or self._vehicle.adaptation_of(plan.mission)
         difference = None if flown is None else path_difference(flown, plan)
         self._reports.record(
             "plan",
@@ -59,7 +59,7 @@ class PlanReports:
             explanation={
                 "reason": awaited.reason,
                 "risk": risk_dict(estimate),
-                "weights": WeightsReason.of(rule, plan.request.risk).to_dict(),
+                "weights": WeightsReason.of(adaptation, plan.request.risk).to_dict(),
                 "path": None if difference is None else difference.to_dict(),
             },
         )

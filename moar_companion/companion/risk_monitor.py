@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping
 
 from ..contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
-from ..contingency.route_cost import Outlook
+from ..contingency.route_cost import EnergyForecast
 from ..estimation.pose_tracker import SiteMaps, grounded
 from ..guidance.flight_volume import FlightVolume
 from ..planning.plan_jobs import PlanAnswer, PlanJob
@@ -42,9 +42,13 @@ class RiskMonitor:
         """Reports of position accuracy that were last noted."""
 
     @property
-    def outlook(self) -> Outlook | None:
+    def energy_forecast(self) -> EnergyForecast | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
-        return None if self.contingencies is None else self.contingencies.outlook(self.risk.meter)
+        return (
+            None
+            if self.contingencies is None
+            else self.contingencies.energy_forecast(self.risk.meter)
+        )
 
     @property
     def escape_route(self) -> EscapeRoute | None:

@@ -75,11 +75,11 @@ class RouteManager:
         """True while the flight comes to rest, or stands, before its plan's end."""
         return self.flight is not None and self.flight.braked
 
-    def adaptation(self, mission: Mission) -> Adaptation:
+    def adaptation_of(self, mission: Mission) -> Adaptation:
         """The adaptation of a mission's weights: of the flight, if that is of this mission."""
         flight = self.flight
-        flown = None if flight is None or flight.mission is not mission else flight.rule
-        return flown or self._vehicle.rule(mission)
+        flown = None if flight is None or flight.mission is not mission else flight.adaptation
+        return flown or self._vehicle.adaptation_of(mission)
 
     def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
         """Takes maps of the site with other obstacles."""
@@ -172,7 +172,7 @@ class RouteManager:
         self._plans.ask(
             task,
             junction,
-            self._vehicle.rule(task.mission),
+            self._vehicle.adaptation_of(task.mission),
             risk,
             width_m,
             self.limits.fence,

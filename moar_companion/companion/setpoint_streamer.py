@@ -174,9 +174,9 @@ class SetpointStreamer:
         The vehicle's limits apply in the world and in the autopilot's frame, also when the map
         between the two moves.
         """
-        last, blown_to_m = self._last, flight.blown_to_m
+        last, drifting_at_m = self._last, flight.drifting_at_m
 
-        def refused(before_m: Vector, after_m: Vector, blown_to_m: Vector | None) -> str | None:
+        def refused(before_m: Vector, after_m: Vector, drifting_at_m: Vector | None) -> str | None:
             return motion_refusal(
                 None if last is None else (before_m, last.velocity_mps),
                 (after_m, setpoint.velocity_mps),
@@ -184,13 +184,13 @@ class SetpointStreamer:
                 greatest_mps=self._greatest_mps,
                 least_mps=self._vehicle.speed.min_mps,
                 acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
-                blown_to_m=blown_to_m,
+                drifting_at_m=drifting_at_m,
             )
 
         before_m = setpoint.position_m if last is None else last.position_m
-        reason = refused(before_m, setpoint.position_m, blown_to_m)
+        reason = refused(before_m, setpoint.position_m, drifting_at_m)
         after_ned_m = plane.position_to_ned(setpoint.position_m)
-        if reason is not None or blown_to_m is not None:
+        if reason is not None or drifting_at_m is not None:
             return reason
         reason = refused(self._last_ned_m, after_ned_m, None)
         return None if reason is None else f"NED {reason}"

@@ -119,8 +119,10 @@ class LatestDecisions:
             "path": _path(companion),
             "risk": risk_dict(companion.risk),
             "batteries": _batteries(telemetry, now_s),
-            "energy": None if companion.outlook is None else asdict(companion.outlook),
-            "weights": WeightsReason.of(companion.rule, companion.risk.indices).to_dict(),
+            "energy": None
+            if companion.energy_forecast is None
+            else asdict(companion.energy_forecast),
+            "weights": WeightsReason.of(companion.adaptation, companion.risk.indices).to_dict(),
             "plan": self._last_plan(now_s),
             "link": self._link(telemetry),
             "refused": _refused(companion),
@@ -204,7 +206,7 @@ def _supervision(ruling: Ruling) -> dict[str, Any]:
 
 
 def _mission(status: MissionStatus, now_s: float) -> dict[str, Any]:
-    task = status.sought or status.task
+    task = status.requested or status.task
     return {
         "state": status.state.value,
         "for_s": now_s - status.since_s if status.since_s else None,

@@ -50,7 +50,7 @@ class WindRecovery:
             self._reported_m = None
             return
         self._report_drift(flight, pose, now_s)
-        if status.state is not MissionState.HOLDING or status.sought is not None:
+        if status.state is not MissionState.HOLDING or status.requested is not None:
             return
         held = any(
             item.condition.action >= Action.HOLD and item.condition.name not in _OUTSIDE

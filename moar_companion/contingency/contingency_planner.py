@@ -37,8 +37,8 @@ from ..site import Site
 from ..types import Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
 from .route_cost import (
+    EnergyForecast,
     Outcome,
-    Outlook,
     RouteCost,
     better_of,
     energy_wh_of,
@@ -159,13 +159,13 @@ class ContingencyPlanner:
         self._queue, self._routes, self._out, self._due_s = [], {}, {}, -math.inf
         self._flown, self._wind_mps = None, None
 
-    def outlook(self, meter: Meter) -> Outlook:
+    def energy_forecast(self, meter: Meter) -> EnergyForecast:
         """Energy left, and demand of each route."""
 
         def outcome(route: RouteCost | None) -> Outcome | None:
             return None if route is None else route.outcome(meter, self._power, self._now_s)
 
-        return Outlook(
+        return EnergyForecast(
             left_wh=meter.left_wh,
             flight_s=meter.flight_s(self._power),
             factor=meter.factor,
@@ -240,7 +240,7 @@ class ContingencyPlanner:
             vx_mps = vz_mps = 0.0
         if question.origin is not None:
             (x_m, z_m), (vx_mps, vz_mps) = self._site.target(question.origin).position_m, (0.0, 0.0)
-        rule = self._vehicle.rule(question.mission)
+        adaptation = self._vehicle.adaptation_of(question.mission)
         job = PlanJob(
             job_id=self._next_job_id,
             request=PlanRequest(
@@ -248,9 +248,9 @@ class ContingencyPlanner:
                 target=question.goal,
                 start_m=(x_m, z_m),
                 velocity_mps=(vx_mps, vz_mps),
-                weights=rule.weights(scene.risk),
+                weights=adaptation.weights(scene.risk),
                 risk=scene.risk,
-                adaptation=rule,
+                adaptation=adaptation,
             ),
             widening_m=scene.widening_m,
             fence=scene.fence,

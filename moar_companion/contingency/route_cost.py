@@ -77,7 +77,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outlook:
+class EnergyForecast:
     """Energy left, and demand of each route, for displays; None: unknown, or no such route.
 
     left_wh and energies are absolute where the vehicle file has the capacity, else relative.

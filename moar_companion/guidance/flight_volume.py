@@ -154,7 +154,7 @@ class FlightVolume:
         omitted = (room_m >= -self.narrowed_m) & (room_m < 0.0)
         return np.asarray(self.maps.occupied[at] & ~omitted)
 
-    def is_crowded(self, places_m: FloatArray) -> bool:
+    def is_within_margin(self, places_m: FloatArray) -> bool:
         """True if one of the places (n, 3) is within an obstacle's margin, or a cell of it."""
         least_m = self.vehicle.radius_m + self.maps.grid.resolution_m
         return bool((obstacle_room_m(self.site, places_m[:, ::2]) < least_m).any())
@@ -185,7 +185,7 @@ class FlightVolume:
         at_m = np.concatenate([np.arange(leash_m, length_m, step_m), nearer_m, [0.0]])
         places = aircraft + (at_m / length_m)[:, None] * line
         places[:, 2] = np.maximum(places[:, 2], least_m)
-        kept = self._leads_back(places, aircraft, self.site.margin.total_m)
+        kept = self._free_lines(places, aircraft, self.site.margin.total_m)
         for place_m in map(vector, places[kept]):
             nearer = math.dist(place_m, aircraft_m) < length_m
             if nearer and self._may_be_carried_to(place_m, least_m, self.site.margin.total_m):
@@ -198,9 +198,9 @@ class FlightVolume:
         If it begins in one, it must come no nearer to that obstacle.
         """
         margin_m = self.site.margin.total_m
-        return bool(self._leads_back(np.array([end_m]), np.array(start_m), margin_m)[0])
+        return bool(self._free_lines(np.array([end_m]), np.array(start_m), margin_m)[0])
 
-    def keeps_leg(self, corners_m: tuple[Vector, ...], from_m: Vector) -> bool:
+    def is_rest_of_leg_free(self, corners_m: tuple[Vector, ...], from_m: Vector) -> bool:
         """True if the rest of a leg, from a place in its corridor, is outside every keep-out.
 
         If it begins in one, it must come no nearer to that obstacle.
@@ -212,11 +212,11 @@ class FlightVolume:
             rest[0] = from_m
         less_m = self.narrowed_m + self.corridor_width_m
         return all(
-            self._leads_back(np.array([end_m]), np.array(start_m), less_m)[0]
+            self._free_lines(np.array([end_m]), np.array(start_m), less_m)[0]
             for start_m, end_m in itertools.pairwise(rest)
         )
 
-    def _leads_back(self, places_m: FloatArray, aircraft_m: FloatArray, less_m: float) -> BoolArray:
+    def _free_lines(self, places_m: FloatArray, aircraft_m: FloatArray, less_m: float) -> BoolArray:
         """Mask (n,) of places (n, 3) whose straight line to the aircraft is outside keep-outs.
 
         less_m: part of keep-outs that may be entered. If the aircraft is in the rest of one, the

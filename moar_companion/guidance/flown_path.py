@@ -197,7 +197,7 @@ class FlownPath:
         return replace(
             self.within(volume),
             legs=tuple(
-                replace(leg, barred=not volume.keeps_leg(leg.points_m, place_m))
+                replace(leg, barred=not volume.is_rest_of_leg_free(leg.points_m, place_m))
                 for leg in self.legs
             ),
         )
@@ -318,7 +318,7 @@ class FlownPath:
             if joined_m < min(stop_m, end_m):
                 return None
             lead_in = junction.trajectory.between(reference.distance_m, joined_m)
-            if volume.is_crowded(lead_in.position_m):
+            if volume.is_within_margin(lead_in.position_m):
                 volume = volume.widened(reach, max(narrowed_m, self.volume.narrowed_m))
             moved = replace(
                 reference,

@@ -102,7 +102,7 @@ class PathFollower:
         return None if self._plan is None else self._plan.mission
 
     @property
-    def rule(self) -> Adaptation | None:
+    def adaptation(self) -> Adaptation | None:
         """Adaptation of the active plan's weights; None before the first plan."""
         return None if self._plan is None else self._plan.request.adaptation
 
@@ -112,7 +112,7 @@ class PathFollower:
         return self._path.on_leg
 
     @property
-    def blown_to_m(self) -> Vector | None:
+    def drifting_at_m(self) -> Vector | None:
         """Position of an aircraft that has just moved its setpoint by drift; None otherwise."""
         return self._drift.moved_to_m
 

@@ -116,7 +116,7 @@ class AutopilotRequests:
         self._parameters.restart()
         if self._fence is not None:
             self._fence.restart()
-        self._outbox.hurry_heartbeat(now_s)
+        self._outbox.make_heartbeat_due(now_s)
 
     def _start_rates(self, autopilot: Autopilot, now_s: float) -> None:
         self._link = autopilot.link

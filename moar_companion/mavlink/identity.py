@@ -158,7 +158,7 @@ class Identity:
         """True once the autopilot has been silent for so long that another may replace it."""
         return self.received_s is not None and now_s - self.received_s > _CONFLICT_TIMEOUT_S
 
-    def alive(self, now_s: float) -> bool:
+    def is_present(self, now_s: float) -> bool:
         """True while the autopilot's last packet is at most three heartbeat periods old."""
         return self.received_s is not None and now_s - self.received_s <= _LINK_TIMEOUT_S
 

@@ -150,7 +150,7 @@ class _Stream:
         self.window_end_s = now_s + self.window_s
 
     @property
-    def wanting(self) -> bool:
+    def needs_request(self) -> bool:
         """True while another request may help."""
         return self.low and not (self.settled or self.denied) and self.requests < _MAX_REQUESTS
 
@@ -158,23 +158,23 @@ class _Stream:
 class _UnusedStream(_Stream):
     """One unread message: lowered once, and restored once if the link has another reader."""
 
-    __slots__ = ("given_back", "received_hz")
+    __slots__ = ("received_hz", "restored")
 
     def __init__(self, now_s: float) -> None:
         super().__init__(_UNUSED_HZ, float("inf"), now_s)
         self.window_s = _UNUSED_WINDOW_S
         self.window_end_s = now_s + self.window_s
         self.received_hz = 0.0
-        self.given_back = False
+        self.restored = False
 
     def judge(self, now_s: float) -> None:
         """Updates `low` at the end of a window: True if the rate is not the wanted one."""
         if now_s < self.window_end_s:
             return
         received_hz = self.count / self.window_s
-        if not self.asked_down:
+        if not self.lowering_requested:
             self.received_hz = received_hz
-        if self.given_back:
+        if self.restored:
             self.low = received_hz < _ENOUGH * self.rate_hz
         else:
             self.low = received_hz > _UNUSED_MOST_HZ
@@ -187,14 +187,14 @@ class _UnusedStream(_Stream):
         self.window_end_s = now_s + self.window_s
 
     @property
-    def asked_down(self) -> bool:
+    def lowering_requested(self) -> bool:
         """True once the lower rate was requested."""
         return self.requested_s > -math.inf
 
-    def give_back(self) -> None:
+    def restore(self) -> None:
         """Restores the rate before lowering, if the message was lowered."""
-        if self.asked_down and not self.given_back:
-            self.given_back = self.low = True
+        if self.lowering_requested and not self.restored:
+            self.restored = self.low = True
             self.rate_hz = self.received_hz
             self.requests = 0
             self.settled = False
@@ -279,8 +279,8 @@ class MessageRates:
         for (received_on, message_id), unused in self._unused.items():
             if received_on == link and message_id not in streams:
                 if shared:
-                    unused.give_back()
-                if unused.given_back or not shared:
+                    unused.restore()
+                if unused.restored or not shared:
                     streams[message_id] = unused
         for stream in streams.values():
             stream.judge(now_s)
@@ -289,11 +289,11 @@ class MessageRates:
             return None
         self._under_way = False
         self._asked = [a for a in self._asked if now_s < a.sent_s + _ANSWER_MAX_AGE_S]
-        wanting = [item for item in streams.items() if item[1].wanting]
-        if not wanting:
+        slow = [item for item in streams.items() if item[1].needs_request]
+        if not slow:
             return None
         # The least requested first, so that a lost answer delays no other.
-        message_id, stream = min(wanting, key=lambda item: item[1].requests)
+        message_id, stream = min(slow, key=lambda item: item[1].requests)
         stream.requests += 1
         stream.requested_s = now_s
         self._under_way = True

@@ -44,7 +44,7 @@ class Outbox:
         late = due_s is None or now_s - due_s >= _HEARTBEAT_PERIOD_S
         self._heartbeat_due_s = (now_s if late or due_s is None else due_s) + _HEARTBEAT_PERIOD_S
 
-    def hurry_heartbeat(self, now_s: float) -> None:
+    def make_heartbeat_due(self, now_s: float) -> None:
         """Makes the next heartbeat due at once."""
         if self._heartbeat_due_s is not None:
             self._heartbeat_due_s = now_s

@@ -91,10 +91,10 @@ class _Received:
         """True while the final answer is still expected: 10 s at most since the last answer."""
         return self.open and now_s - self.answered_s <= _DECISION_TIMEOUT_S
 
-    def is_repeat(self, sender: Sender, now_s: float, *, says_so: bool) -> bool:
-        """Returns True if the same command received now is a repeat; says_so: confirmation > 0."""
+    def is_repeat(self, sender: Sender, now_s: float, *, confirmed: bool) -> bool:
+        """True if the same command received now is a repeat; confirmed: confirmation > 0."""
         soon_s = _SOON_S if sender == self.command.sender else _DETOUR_S
-        return now_s - self.received_s <= (_REPEATS_S if says_so else soon_s)
+        return now_s - self.received_s <= (_REPEATS_S if confirmed else soon_s)
 
 
 class Reception(NamedTuple):
@@ -297,11 +297,11 @@ class ReceivedCommands:
             return replace(known.answer, receiver=sender)
         if stops(command):
             return None
-        says_so = getattr(message, "confirmation", 0) > 0
-        if known and known.is_repeat(sender, now_s, says_so=says_so):
+        confirmed = getattr(message, "confirmation", 0) > 0
+        if known and known.is_repeat(sender, now_s, confirmed=confirmed):
             if not self._is_superseded(known):
                 return replace(known.answer, receiver=sender)
-        elif not self._is_late(sender, message.get_seq(), now_s, says_so=says_so):
+        elif not self._is_late(sender, message.get_seq(), now_s, confirmed=confirmed):
             return None
         return _answer(command, CommandResult.CANCELLED)
 
@@ -311,11 +311,11 @@ class ReceivedCommands:
         ids = _key(known.command)[:2]
         return any(stops(other.command) or _key(other.command)[:2] == ids for other in later)
 
-    def _is_late(self, sender: Sender, sequence: int, now_s: float, *, says_so: bool) -> bool:
+    def _is_late(self, sender: Sender, sequence: int, now_s: float, *, confirmed: bool) -> bool:
         """Returns True if a command received after a stop was given before it."""
         for stop in filter(lambda given: stops(given.command), self._remembered.values()):
             after_s = now_s - stop.received_s
-            if says_so and after_s <= _REPEATS_S:
+            if confirmed and after_s <= _REPEATS_S:
                 return True
             overtaken = (stop.sequence - sequence) % 256 < 128
             if overtaken and stop.command.sender == sender and after_s <= _OVERTAKEN_S:

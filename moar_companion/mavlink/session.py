@@ -324,7 +324,7 @@ class Session:
         peers = self._peers[autopilot.link]
         statistics = peers.autopilots_codec.statistics(*autopilot.ids)
         self._receiver.count_packets(statistics, *self.requests.round_trips_s(now_s))
-        if self._receiver.identity.alive(now_s):
+        if self._receiver.identity.is_present(now_s):
             others = bool(peers.sources - {autopilot.ids, self._ids})
             self.requests.send_due(autopilot, now_s, others=others)
 

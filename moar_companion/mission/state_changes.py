@@ -10,26 +10,26 @@ from dataclasses import replace
 
 from .. import pilot_texts
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
-from .values import Answer, Do, Effect, MissionStatus, SendText, Step, Task, Verdict
+from .values import Answer, Effect, FlightEffect, MissionStatus, SendText, Step, Task, Verdict
 
 _INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
 """Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
 
 
 def enter(
-    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
+    status: MissionStatus, state: MissionState, now_s: float, *, keep_requested: bool = False
 ) -> Step:
     """Enters a state and reports it; drops the awaited plan, unless kept."""
-    after = entered(status, state, now_s, keep_sought=keep_sought)
+    after = entered(status, state, now_s, keep_requested=keep_requested)
     return after, (SendText(state_words(state, status.task)),)
 
 
 def entered(
-    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
+    status: MissionStatus, state: MissionState, now_s: float, *, keep_requested: bool = False
 ) -> MissionStatus:
     """Enters a state; drops the awaited plan, unless kept."""
     after = replace(status, state=state, since_s=now_s)
-    return after if keep_sought else replace(after, sought=None, order_id=None)
+    return after if keep_requested else replace(after, requested=None, order_id=None)
 
 
 def end_stream(
@@ -47,7 +47,7 @@ def end_stream(
     """
     taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
     interrupted = status.task if taken_over else None
-    last = (Do.SEND_LAST_SETPOINT,) if last_setpoint and status.state in STREAMING else ()
+    last = (FlightEffect.SEND_LAST_SETPOINT,) if last_setpoint and status.state in STREAMING else ()
     silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
     text = SendText(reason, state.words, serious=state is not MissionState.IDLE)
     return silent, (*last, *answer_failed(status, reason), text)

@@ -30,11 +30,11 @@ from .state_changes import (
 from .supervised import ESCAPE_MISSIONS, complies_with, is_escape_for, supervised
 from .values import (
     Answer,
-    Do,
+    FlightEffect,
     MissionStatus,
     Order,
     OverrideConditions,
-    Seek,
+    RequestPlan,
     SendText,
     Situation,
     Step,
@@ -93,14 +93,14 @@ def command(
         return held, (
             *replaced,
             *effects,
-            Do.BRAKE,
+            FlightEffect.BRAKE,
             OverrideConditions(_known(world, now_s)),
             done,
         )
     if order is Order.HOLD and status.state is MissionState.READY:
         # The mode may have been given and not yet received: the stream must not end.
-        ready = replace(status, hold_ordered=True, sought=None)
-        return ready, (*replaced, Do.BRAKE, done, SendText(pilot_texts.READY_TO_HOLD()))
+        ready = replace(status, hold_ordered=True, requested=None)
+        return ready, (*replaced, FlightEffect.BRAKE, done, SendText(pilot_texts.READY_TO_HOLD()))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
         reason = pilot_texts.ON_COMMAND(order=order.value)
@@ -119,23 +119,23 @@ def command(
 
 
 def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
-    """Takes the plan of `sought`; it begins at the aircraft's place at the request."""
-    if status.sought is None:
+    """Takes the plan of `requested`; it begins at the aircraft's place at the request."""
+    if status.requested is None:
         return status, ()
     in_control = status.state in IN_CONTROL
     ruling = world.ruling.apart_from(status.known)
     if ruling.leading is not None and ruling.action is Action.RELEASE:
         return _released(status, ruling, ruling.leading, world, now_s)
-    if status.state is MissionState.PLANNING and (unfit := _unfit(status.sought, world)):
+    if status.state is MissionState.PLANNING and (unfit := _unfit(status.requested, world)):
         idle, effects = enter(status, MissionState.IDLE, now_s)
         order_id = status.order_id
         return idle, effects if order_id is None else (
             *effects,
             *answer_rejected(idle, order_id, unfit)[1],
         )
-    found = replace(status, task=status.sought, hold_ordered=False, resumes=False)
+    found = replace(status, task=status.requested, hold_ordered=False, resumes=False)
     found, effects = enter(
-        replace(found, no_path=status.no_path - {status.sought}),
+        replace(found, no_path=status.no_path - {status.requested}),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
     )
@@ -151,29 +151,29 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
 def unplanned(
     status: MissionStatus, reason: str, now_s: float, *, waits: bool = False, failed: bool = False
 ) -> Step:
-    """Handles a missing plan of `sought`: a flight continues or holds, planning ends in idle.
+    """Handles a missing plan of `requested`: a flight continues or holds, planning ends in idle.
 
     waits: a condition reports the same; when it clears, the search for a task that no operator has
     ordered repeats. failed: the planner has failed, rather than found no path. For a while no plan
     is requested, except to continue an escape route that was begun.
     """
-    sought = status.sought
-    if sought is None:
+    requested = status.requested
+    if requested is None:
         return status, ()
     answers = () if status.order_id is None else (Answer(status.order_id, Verdict.DENIED, reason),)
     if status.state is MissionState.PLANNING:
         idle, effects = enter(status, MissionState.IDLE, now_s)
         return idle, (*effects, *answers)
     if status.order_id is not None:
-        return replace(status, sought=None, order_id=None), answers
-    if sought.mission is not Mission.INSPECTION and not waits:
-        text = SendText(reason, f"no {sought.mission.value}", serious=True, is_new=False)
+        return replace(status, requested=None, order_id=None), answers
+    if requested.mission is not Mission.INSPECTION and not waits:
+        text = SendText(reason, f"no {requested.mission.value}", serious=True, is_new=False)
         inspects = status.task is not None and status.task.mission is Mission.INSPECTION
-        failed_tasks = _OUTWARD if failed and inspects else (sought,)
-        return replace(status, sought=None).without(*failed_tasks, now_s=now_s), (text,)
+        failed_tasks = _OUTWARD if failed and inspects else (requested,)
+        return replace(status, requested=None).without(*failed_tasks, now_s=now_s), (text,)
     held = entered(status, MissionState.HOLDING, now_s)
     text = SendText(reason, MissionState.HOLDING.words, serious=True)
-    return replace(held, task=sought, resumes=waits), (text,)
+    return replace(held, task=requested, resumes=waits), (text,)
 
 
 def blocked(status: MissionStatus, now_s: float) -> Step:
@@ -187,7 +187,7 @@ def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
         return status, ()
     if status.state is MissionState.PLANNING:
         return enter(status, MissionState.IDLE, now_s)
-    return replace(status, sought=None, order_id=None), ()
+    return replace(status, requested=None, order_id=None), ()
 
 
 def tick(
@@ -204,7 +204,7 @@ def tick(
     paths_changed: a search that found no path may find one now.
     """
     state, ruling = status.state, world.ruling
-    rested = status.sought is None and now_s - status.no_path_s >= _AGAIN_S
+    rested = status.requested is None and now_s - status.no_path_s >= _AGAIN_S
     if status.no_path and (paths_changed or rested):
         status = replace(status, no_path=frozenset())
     if status.order_id is not None:
@@ -251,7 +251,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
     if state is MissionState.READY:
         if engages(status, now_s, mode_ours=world.mode_ours):
             given = MissionState.HOLDING if status.hold_ordered else MissionState.FLYING
-            return enter(replace(status, hold_ordered=False), given, now_s, keep_sought=True)
+            return enter(replace(status, hold_ordered=False), given, now_s, keep_requested=True)
         # Only a mode received after the deadline counts: it may have been given before that.
         late = world.mode_received_s - status.since_s >= ready_timeout_s
         if late or world.tracking_lost:
@@ -261,31 +261,31 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
             idle, effects = end_stream(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
             return replace(idle, task=None if status.hold_ordered else status.task), effects
     elif state is MissionState.FLYING and world.on_leg:
-        return enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
+        return enter(status, MissionState.LANDING_LEG, now_s, keep_requested=True)
     elif state is MissionState.LANDING_LEG and not world.on_leg:
-        return enter(status, MissionState.FLYING, now_s, keep_sought=True)
+        return enter(status, MissionState.FLYING, now_s, keep_requested=True)
     elif state is MissionState.FLYING and world.arrived and task is not None:
         if task.mission is Mission.INSPECTION:
-            return enter(status, MissionState.AT_TARGET, now_s, keep_sought=True)
+            return enter(status, MissionState.AT_TARGET, now_s, keep_requested=True)
         return _landed_above(status, now_s)
     elif state is MissionState.LANDING_LEG and world.arrived:
         return _landed_above(status, now_s)
-    elif state is MissionState.AT_TARGET and task is not None and status.sought is None:
+    elif state is MissionState.AT_TARGET and task is not None and status.requested is None:
         if now_s - status.since_s < world.dwell_s:
             return status, ()
         rest = replace(task, stops=task.stops[1:])
         if rest.done:
             held = entered(status, MissionState.HOLDING, now_s)
             return replace(held, task=rest), (_DONE,)
-        return replace(status, sought=rest), (Seek(rest),)
+        return replace(status, requested=rest), (RequestPlan(rest),)
     return status, ()
 
 
 def _landed_above(status: MissionStatus, now_s: float) -> Step:
     """Ends the landing leg: only the autopilot's landing is left."""
-    held = entered(status, MissionState.HOLDING, now_s, keep_sought=True)
+    held = entered(status, MissionState.HOLDING, now_s, keep_requested=True)
     task = None if held.task is None else replace(held.task, flown=True)
-    return replace(held, task=task), (_ARRIVED, Do.LAND)
+    return replace(held, task=task), (_ARRIVED, FlightEffect.LAND)
 
 
 def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
@@ -323,8 +323,8 @@ def _sought(
     if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
         effects = (*effects, SendText(pilot_texts.PLANNING(mission=task.mission.value)))
-    sought = replace(status, sought=task, order_id=order_id, known=known)
-    return sought, (*effects, Seek(task))
+    requested = replace(status, requested=task, order_id=order_id, known=known)
+    return requested, (*effects, RequestPlan(task))
 
 
 def _known(world: Situation, now_s: float) -> frozenset[str]:

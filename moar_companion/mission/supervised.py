@@ -13,7 +13,7 @@ from ..safety.condition_types import Action
 from ..safety.supervisor import Ruling
 from ..types import Mission
 from .state_changes import answer_failed, entered
-from .values import Do, MissionStatus, Seek, SendText, Step, Task
+from .values import FlightEffect, MissionStatus, RequestPlan, SendText, Step, Task
 
 _HELD_S = 1.0
 """Minimum hold before a flight resumes by itself: as long as any condition that holds."""
@@ -33,19 +33,19 @@ def supervised(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: b
     if ruling.action in ESCAPE_MISSIONS:
         return _escape(status, ruling, now_s, on_leg=on_leg)
     task = status.task
-    if not status.resumes or status.sought is not None or task is None or task in status.no_path:
+    if not status.resumes or status.requested is not None or task is None or task in status.no_path:
         return None
     if now_s - status.since_s < _HELD_S:
         return None
     text = SendText(
         pilot_texts.RESUMING(mission=task.mission.value), is_new=status.no_path_s < status.since_s
     )
-    return replace(status, sought=task), (text, Seek(task))
+    return replace(status, requested=task), (text, RequestPlan(task))
 
 
 def complies_with(status: MissionStatus, action: Action) -> bool:
-    """True if the flown or sought task is the escape that `action` requires, or a graver one."""
-    task = status.sought or status.task
+    """True if the flown or requested task is the escape that `action` requires, or a graver one."""
+    task = status.requested or status.task
     return task is not None and is_escape_for(task, action)
 
 
@@ -58,18 +58,18 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: boo
     """Holds here; a task that an operator has held meanwhile, or that is done, does not resume."""
     failed = answer_failed(status, ruling.reason)
     if status.state is MissionState.HOLDING:
-        if status.sought is None:
+        if status.requested is None:
             return status, ()
         resumes = resumes and (status.resumes or status.order_id is None)
-        held = replace(status, sought=None, order_id=None, resumes=resumes)
-        return held, (*failed, Do.BRAKE)
+        held = replace(status, requested=None, order_id=None, resumes=resumes)
+        return held, (*failed, FlightEffect.BRAKE)
     left = status.task is not None and not status.task.done
     resumes = resumes and left and not status.hold_ordered
     status = replace(status, resumes=resumes, hold_ordered=False)
     held = entered(status, MissionState.HOLDING, now_s)
     action = MissionState.HOLDING.words
     text = SendText(ruling.reason, action, serious=True, condition=ruling.name)
-    return held, (*failed, Do.BRAKE, text)
+    return held, (*failed, FlightEffect.BRAKE, text)
 
 
 def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
@@ -81,8 +81,8 @@ def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
     task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
         return None
-    keeps_hold = status.sought is None and (holds or task in status.no_path)
-    lands = status.state is MissionState.LANDING_LEG and status.sought is None
+    keeps_hold = status.requested is None and (holds or task in status.no_path)
+    lands = status.state is MissionState.LANDING_LEG and status.requested is None
     if (lands or complies_with(status, ruling.action)) and not keeps_hold:
         return None
     choices = [
@@ -98,9 +98,9 @@ def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
             return None
         return _braked(status, ruling, now_s, resumes=False)
     wanted = choices[0]
-    if status.order_id is None and wanted == (status.sought or (None if holds else task)):
+    if status.order_id is None and wanted == (status.requested or (None if holds else task)):
         return None
-    sought = replace(status, sought=wanted, order_id=None, resumes=False)
+    requested = replace(status, requested=wanted, order_id=None, resumes=False)
     action = _ACTION_TEXTS[wanted.mission]
     text = SendText(ruling.reason, action, serious=True, is_new=False, condition=ruling.name)
-    return sought, (*answer_failed(status, ruling.reason), text, Seek(wanted))
+    return requested, (*answer_failed(status, ruling.reason), text, RequestPlan(wanted))

@@ -64,10 +64,10 @@ class MissionStatus:
     task: Task | None = None
     """Task that is flown or held. While overridden, the task that a pilot has interrupted; while
     idle or planning that one, or the rest after a restart: an operator may continue it."""
-    sought: Task | None = None
+    requested: Task | None = None
     """Task whose first plan is awaited."""
     order_id: int | None = None
-    """Operator's order that `sought` answers; None for a request of the machine itself."""
+    """Operator's order that `requested` answers; None for a request of the machine itself."""
     known: frozenset[str] = frozenset()
     """Conditions known to the operator of that order, which have acted ever since."""
     hold_ordered: bool = False
@@ -111,7 +111,7 @@ class Situation:
 
 
 @dataclass(frozen=True, slots=True)
-class Seek:
+class RequestPlan:
     """Effect: request this task's plan from the planner."""
 
     task: Task
@@ -147,7 +147,7 @@ class OverrideConditions:
     """Names of those conditions."""
 
 
-class Do(enum.Enum):
+class FlightEffect(enum.Enum):
     """Effects without data."""
 
     BRAKE = "come to rest on the path and stay"
@@ -155,5 +155,5 @@ class Do(enum.Enum):
     LAND = "ask for the landing, where the configuration allows"
 
 
-Effect = Seek | Answer | SendText | OverrideConditions | Do
+Effect = RequestPlan | Answer | SendText | OverrideConditions | FlightEffect
 Step = tuple[MissionStatus, tuple[Effect, ...]]

@@ -42,9 +42,9 @@ class TableBuilder:
     """Builds the table of a goal. Not safe for use by two threads at once."""
 
     def __init__(
-        self, graph: Graph, goal: Goal, rule: Adaptation, most: int = _MOST_CORNERS
+        self, graph: Graph, goal: Goal, adaptation: Adaptation, most: int = _MOST_CORNERS
     ) -> None:
-        """Begins with the extremes and the base weights of `rule`; ends with `most` corners."""
+        """Begins with the extremes and the base weights; ends with `most` corners."""
         self._solver = Solver(graph)
         self._goal = goal
         cells, moves = len(graph.allowed), len(graph.offset) - 1
@@ -53,12 +53,12 @@ class TableBuilder:
         self._weights: list[FloatArray] = []
         self._sums: list[FloatArray] = []
         self._samples: IntArray = np.empty(0, dtype=np.int64)
-        self._likely = _reachable(rule)
+        self._likely = _reachable(adaptation)
         self._triangles: list[list[int]] = []
         self._middles: dict[tuple[int, int], int] = {}
         self._worst: list[tuple[float, int]] = []
         extremes = [self._corner(corner) for corner in np.eye(3)]
-        centre = np.array((rule.base.safety, rule.base.time, rule.base.energy))
+        centre = np.array((adaptation.base.safety, adaptation.base.time, adaptation.base.energy))
         # No thin triangles: their shares would be inexact.
         centre[centre < _THINNEST] = 0.0
         centre /= centre.sum()
@@ -173,11 +173,11 @@ def shares(graph: Graph, goals: int, most_bytes: int) -> tuple[int, int]:
     return room // corners, corners
 
 
-def _reachable(rule: Adaptation) -> FloatArray:
+def _reachable(adaptation: Adaptation) -> FloatArray:
     """Weights (n, 3) that risks lead to, over all their range."""
     risks = itertools.product(_LEVELS, repeat=4)
     reached = (
-        rule.weights(
+        adaptation.weights(
             RiskIndices(wind=wind, communication=radio, localization=place, battery=battery)
         )
         for wind, radio, place, battery in risks

@@ -130,7 +130,7 @@ class PlanRequest:
     risk: RiskIndices
     """The indices behind the weights, for the record."""
     adaptation: Adaptation | None = None
-    """The rule behind the weights, for the record; None where they were given as final."""
+    """The source of the weights, for the record; None where they were given as final."""
 
     def __post_init__(self) -> None:
         if len(self.start_m) != len(self.velocity_mps):
@@ -143,9 +143,9 @@ class PlanRequest:
                 "plan", "velocity", f"is {self.velocity_mps}, must be within {_GREATEST_MPS:g} m/s"
             )
 
-    def adapted(self, rule: Adaptation) -> PlanRequest:
-        """The request with the weights that a rule derives from its risks."""
-        return replace(self, adaptation=rule, weights=rule.weights(self.risk))
+    def adapted(self, adaptation: Adaptation) -> PlanRequest:
+        """The request with the weights that an adaptation derives from its risks."""
+        return replace(self, adaptation=adaptation, weights=adaptation.weights(self.risk))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

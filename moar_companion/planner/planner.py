@@ -114,7 +114,7 @@ class Planner:
             return
         while len(tables) >= count:
             del tables[next(iter(tables))]
-        builder = TableBuilder(self.graph, goal.goal, self.vehicle.rule(mission), corners)
+        builder = TableBuilder(self.graph, goal.goal, self.vehicle.adaptation_of(mission), corners)
         tables[key] = _Prepared(table=builder.table(), ready=False)
         while builder.refine():
             if builder.corners & (builder.corners - 1) == 0:
@@ -203,7 +203,7 @@ class Planner:
         start, velocity: of the vehicle in the plane, m and m/s; the site's start, at rest.
         weights: before the risks; the vehicle's for this mission by default.
         risk: indices that shift the weights; none by default.
-        adaptation: by which rule, calibrated from the start; the vehicle's by default.
+        adaptation: its kind, calibrated from the start; the vehicle's by default.
 
         Without a plan the status is the reason. Raises InputError for a target or landing point
         that the site does not have, for landing points of which none is visible, and for a start or
@@ -228,23 +228,23 @@ class Planner:
     def calibrated(self, request: PlanRequest, origin_m: tuple[float, ...]) -> PlanRequest:
         """The request with its weights calibrated on the front from an origin, at rest there.
 
-        As it is, where its rule is not calibrated or no path leads from there. Takes the time of up
-        to `calibration.MOST_PLANS` plans, once for each origin. Raises InputError as `plan`.
+        As it is, if its adaptation is of another kind, or no path leads from there. Takes the time
+        of up to `calibration.MOST_PLANS` plans, once for each origin. Raises InputError as `plan`.
         """
-        rule, cell = request.adaptation, self.maps.grid.cell_of(origin_m)
-        if rule is None or rule.kind is not AdaptationKind.CALIBRATED or cell is None:
+        adaptation, cell = request.adaptation, self.maps.grid.cell_of(origin_m)
+        if adaptation is None or adaptation.kind is not AdaptationKind.CALIBRATED or cell is None:
             return request
         target = request.target
         if request.mission is Mission.INSPECTION:
             target = self.site.target(target).name
-        key = ((request.mission, target), rule.base, self.graph.grid.flat(cell))
+        key = ((request.mission, target), adaptation.base, self.graph.grid.flat(cell))
         if key not in self._calibrations:
             while len(self._calibrations) >= _MOST_CALIBRATIONS:
                 del self._calibrations[next(iter(self._calibrations))]
             at_rest = (0.0,) * len(origin_m)
             first = replace(request, target=target, start_m=origin_m, velocity_mps=at_rest)
-            self._calibrations[key] = self._calibration(first, rule.base)
-        return request.adapted(replace(rule, calibration=self._calibrations[key]))
+            self._calibrations[key] = self._calibration(first, adaptation.base)
+        return request.adapted(replace(adaptation, calibration=self._calibrations[key]))
 
     def _calibration(self, request: PlanRequest, base: Weights) -> Calibration | None:
         if self.solve(request).cost is None:

@@ -111,16 +111,16 @@ def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
     # The search within the fence comes first: a fence that only forces a detour is not the cause.
     if job.widening_m and _answer(planners.widened_by(0.0, job.fence), job).plan is not None:
         return replace(answer, too_wide=True)
-    crowded = _crowded(planners.exact, answer, job) if inspects else None
-    if crowded is None and job.fence is not None:
+    blocked = _blocked_by_margin(planners.exact, answer, job) if inspects else None
+    if blocked is None and job.fence is not None:
         free = _answer(planners.widened_by(job.widening_m), job)
         if free.plan is not None:
             return _fenced_off(answer, free.plan, job.fence)
-    return crowded or answer
+    return blocked or answer
 
 
 def _calibrated(exact: Planner, job: PlanJob) -> PlanJob:
-    """The job with calibrated weights, if its rule needs them and the goal's table is complete.
+    """The job with calibrated weights, if it needs them and the goal's table is complete.
 
     Without the table the first plan would be late; a later plan of the flight is calibrated.
     """
@@ -139,7 +139,7 @@ def _narrowed(planners: PlannerSet, job: PlanJob, narrowed_m: float) -> PlanAnsw
     return None if answer.plan is None else replace(answer, narrowed_m=narrowed_m)
 
 
-def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | None:
+def _blocked_by_margin(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | None:
     """Answer that the margin, or a part of it, blocks a target; None otherwise."""
     part = blocking_part(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
     if part is None:

@@ -66,7 +66,7 @@ class Arrivals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class ReceivedData:
     """Data received of an aircraft during the check.
 
     pose: in the frame of the site; None without one. causes: the service's reasons against a
@@ -85,25 +85,25 @@ class Sight:
 
 
 def aircraft_findings(
-    sight: Sight, vehicle: Vehicle, site: Site | None, limits: Supervision
+    received: ReceivedData, vehicle: Vehicle, site: Site | None, limits: Supervision
 ) -> list[Finding]:
     """Returns all findings on the aircraft except those on its parameters."""
-    batteries = battery_findings(sight.telemetry, vehicle.risk)
+    batteries = battery_findings(received.telemetry, vehicle.risk)
     return [
-        *_identity(sight, vehicle),
-        _firmware(sight),
-        *_state(sight),
-        *_rates(sight, limits),
-        *(() if site is None else _place(sight, site)),
+        *_identity(received, vehicle),
+        _firmware(received),
+        *_state(received),
+        *_rates(received, limits),
+        *(() if site is None else _place(received, site)),
         *batteries,
-        *risk_findings(sight.risk, sight.causes, batteries),
+        *risk_findings(received.risk, received.causes, batteries),
         _drag(vehicle.risk),
-        *_people(sight),
+        *_people(received),
     ]
 
 
-def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
-    autopilot = sight.autopilot
+def _identity(received: ReceivedData, vehicle: Vehicle) -> Iterator[Finding]:
+    autopilot = received.autopilot
     if autopilot.kind not in PROFILES:
         known = " nor ".join(row.name for row in PROFILES.values())
         yield Finding(
@@ -119,16 +119,16 @@ def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
             text=f"{autopilot}, and the vehicle file names {vehicle.autopilot}",
             remedy="correct `autopilot` in the vehicle file: each has its own map projection",
         )
-    elif sight.causes.autopilot_identity is not None:
+    elif received.causes.autopilot_identity is not None:
         yield Finding(
             level=Level.NO_GO,
             subject="autopilot",
-            text=f"{autopilot}: {sight.causes.autopilot_identity}",
+            text=f"{autopilot}: {received.causes.autopilot_identity}",
             remedy="only multirotors are flown",
         )
     else:
         yield Finding(level=Level.OK, subject="autopilot", text=str(autopilot))
-    for other in sight.others:
+    for other in received.others:
         yield Finding(
             level=Level.NO_GO,
             subject="autopilot",
@@ -137,8 +137,8 @@ def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
         )
 
 
-def _firmware(sight: Sight) -> Finding:
-    firmware, known = sight.telemetry.firmware, profile(sight.autopilot.kind)
+def _firmware(received: ReceivedData) -> Finding:
+    firmware, known = received.telemetry.firmware, profile(received.autopilot.kind)
     if firmware is None:
         return Finding(
             level=Level.WARNING,
@@ -161,9 +161,9 @@ def _firmware(sight: Sight) -> Finding:
     return Finding(level=Level.NOTE, subject="firmware", text=text)
 
 
-def _state(sight: Sight) -> Iterator[Finding]:
-    status, readiness = sight.status, sight.telemetry.readiness
-    landed = sight.telemetry.landed
+def _state(received: ReceivedData) -> Iterator[Finding]:
+    status, readiness = received.status, received.telemetry.readiness
+    landed = received.telemetry.landed
     words = ", ".join(
         (
             status.mode,
@@ -215,11 +215,11 @@ _LANDED_WORDS = {
 }
 
 
-def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
-    wanted_rates = wanted_rates_hz(sight.autopilot.kind)
+def _rates(received: ReceivedData, limits: Supervision) -> Iterator[Finding]:
+    wanted_rates = wanted_rates_hz(received.autopilot.kind)
     for name, arrivals, longest_s in (
-        ("LOCAL_POSITION_NED", sight.positions, limits.position_timeout_s),
-        ("ATTITUDE", sight.attitudes, ATTITUDE_TIMEOUT_S),
+        ("LOCAL_POSITION_NED", received.positions, limits.position_timeout_s),
+        ("ATTITUDE", received.attitudes, ATTITUDE_TIMEOUT_S),
     ):
         rate_hz, wanted_hz = arrivals.rate_hz, wanted_rates[id_of(name)]
         if rate_hz is None:
@@ -242,8 +242,8 @@ def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
         yield Finding(level=level, subject=name, text=text, remedy=remedy)
 
 
-def _place(sight: Sight, site: Site) -> Iterator[Finding]:
-    pose, causes = sight.pose, sight.causes
+def _place(received: ReceivedData, site: Site) -> Iterator[Finding]:
+    pose, causes = received.pose, received.causes
     obstruction = causes.autopilot_link_lost or causes.position or causes.attitude or causes.origin
     if obstruction is not None or pose is None:
         yield Finding(
@@ -276,7 +276,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
             text=not_ready_reason,
             remedy="hover in the plane before a mission is ordered; or correct the site's frame",
         )
-    if grounded(sight.telemetry):
+    if grounded(received.telemetry):
         yield _height(z_m, site)
 
 
@@ -338,24 +338,24 @@ def _drag(risk: RiskModel) -> Finding:
     )
 
 
-def _people(sight: Sight) -> Iterator[Finding]:
+def _people(received: ReceivedData) -> Iterator[Finding]:
     """Checks the links by which a pilot or operator can take over."""
-    ground, remote = sight.telemetry.ground_station, sight.telemetry.remote_control
-    readiness = sight.telemetry.readiness
+    ground, remote = received.telemetry.ground_station, received.telemetry.remote_control
+    readiness = received.telemetry.readiness
     if readiness is not None and readiness.remote_control_ok is None:
         remote = None  # channels may come without a receiver, or from one that is not used
     rssi = None if remote is None else remote.rssi
     signal = "unknown signal" if rssi is None else f"signal {rssi:.0%}"
     people = (
         _person(
-            sight.risk,
+            received.risk,
             "ground station",
             None if ground is None else f"received, system {ground.system_id}",
             "connect it, and let the autopilot forward its messages to this link: it carries "
             "the orders",
         ),
         _person(
-            sight.risk,
+            received.risk,
             "remote control",
             None if remote is None else f"received, {signal}",
             "switch it on: without it only the ground station can take over",

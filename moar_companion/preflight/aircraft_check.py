@@ -27,7 +27,7 @@ from ..safety.check_inputs import CheckInputs
 from ..safety.checks import causes
 from ..safety.condition_types import Causes
 from ..vehicle import Vehicle
-from .aircraft import Arrivals, Sight, aircraft_findings
+from .aircraft import Arrivals, ReceivedData, aircraft_findings
 from .failsafes import failsafe_findings, loss_findings, objection_level
 from .fence_check import fence_findings
 from .findings import Finding, Level
@@ -220,7 +220,7 @@ class Preflight:
         autopilot, status = session.autopilot, session.telemetry.autopilot
         if autopilot is None or status is None:
             return [self._silence(), *self._refusals()]
-        sight = Sight(
+        received = ReceivedData(
             autopilot=autopilot,
             status=status,
             others=tuple(self._others),
@@ -234,7 +234,7 @@ class Preflight:
         known = profile(autopilot.kind)
         return [
             *self._refusals(),
-            *aircraft_findings(sight, self._vehicle, self._site, self._limits),
+            *aircraft_findings(received, self._vehicle, self._site, self._limits),
             *parameter_findings(
                 known,
                 parameters,

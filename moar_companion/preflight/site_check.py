@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..autopilots import profile
-from ..error_margin import seen_margin
+from ..error_margin import measured_margin
 from ..planner.plan_values import PlanStatus
 from ..planner.planner import Planner
 from ..power import PowerModel
@@ -95,16 +95,16 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
 def _margin(planner: Planner) -> Finding:
     """Checks the margin beyond keep-outs against the measured need of the autopilot."""
     vehicle, margin = planner.vehicle, planner.site.margin
-    seen, autopilot = seen_margin(vehicle.autopilot), profile(vehicle.autopilot)
+    measured, autopilot = measured_margin(vehicle.autopilot), profile(vehicle.autopilot)
     stray_m = vehicle.guidance.acceleration_mps2 * autopilot.stray_s2
-    seen = replace(seen, tracking_m=max(seen.tracking_m, stray_m))
+    measured = replace(measured, tracking_m=max(measured.tracking_m, stray_m))
     text = f"{margin.total_m:.2f} m beyond every keep_out_m: {margin}"
-    if margin.position_m >= seen.position_m and margin.tracking_m >= seen.tracking_m:
+    if margin.position_m >= measured.position_m and margin.tracking_m >= measured.tracking_m:
         return Finding(level=Level.OK, subject="margin", text=text)
     return Finding(
         level=Level.WARNING,
         subject="margin",
-        text=f"{text}; to be expected of {autopilot.name}: {seen}",
+        text=f"{text}; to be expected of {autopilot.name}: {measured}",
         remedy="set less only if it was measured in flight, for example with RTK: "
         "supervision.position_uncertainty_m, guidance.tracking_margin_m of the vehicle",
     )

@@ -91,7 +91,7 @@ class Player(Generic[Packet_contra]):
         self._site_position = site_position
         self._drag = drag
         self._power = PowerModel.of(vehicle)
-        self._rule = vehicle.rule(Mission.INSPECTION)
+        self._adaptation = vehicle.adaptation_of(Mission.INSPECTION)
         self._clock = _Clock()
         self._events = EventLog(battery_low=vehicle.risk.battery_remaining.high)
         self._ticks = 0
@@ -228,7 +228,7 @@ class Player(Generic[Packet_contra]):
                     name: index_words(name, values[name], report)
                     for name, report in reports.items()
                 },
-                weights=WeightsReason.of(self._rule, self._risk.indices).to_dict(),
+                weights=WeightsReason.of(self._adaptation, self._risk.indices).to_dict(),
                 armed=None if autopilot is None else autopilot.armed,
                 mode=None if autopilot is None else autopilot.mode,
                 mission_state=self._events.mission_state,

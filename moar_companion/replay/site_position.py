@@ -91,15 +91,15 @@ class SitePosition:
         Includes the leg to the point where a plan may begin.
         """
         start_m = (pose.position_m[0], pose.position_m[2])
-        rule = self._planner.vehicle.rule(Mission.EVACUATION)
+        adaptation = self._planner.vehicle.adaptation_of(Mission.EVACUATION)
         request = PlanRequest(
             mission=Mission.EVACUATION,
             target=None,
             start_m=start_m,
             velocity_mps=(pose.velocity_mps[0], pose.velocity_mps[2]),
-            weights=rule.weights(risk),
+            weights=adaptation.weights(risk),
             risk=risk,
-            adaptation=rule,
+            adaptation=adaptation,
         )
         answer = answer_job(self._planners, PlanJob(job_id=0, request=request))
         if answer.plan is None or answer.plan.metrics is None:

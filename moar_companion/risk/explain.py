@@ -28,33 +28,33 @@ _TOLD = 0.005
 class WeightsReason(NamedTuple):
     """Weights before and after their adaptation. by_risk: effect by index and weight."""
 
-    rule: Adaptation
+    adaptation: Adaptation
     adjusted: Weights
     by_risk: Mapping[str, Mapping[str, float]]
 
     @classmethod
-    def of(cls, rule: Adaptation, risk: RiskIndices) -> WeightsReason:
-        """Effect of the indices on weights by a rule."""
-        adjusted, values = rule.weights(risk), risk.as_dict()
+    def of(cls, adaptation: Adaptation, risk: RiskIndices) -> WeightsReason:
+        """Effect of the indices on weights by an adaptation."""
+        adjusted, values = adaptation.weights(risk), risk.as_dict()
         by_risk: dict[str, dict[str, float]] = {}
         for name, value in values.items():
-            without = rule.weights(replace(risk, **{name: 0.0})) if value else adjusted
+            without = adaptation.weights(replace(risk, **{name: 0.0})) if value else adjusted
             by_risk[name] = {
                 "safety": adjusted.safety - without.safety,
                 "time": adjusted.time - without.time,
                 "energy": adjusted.energy - without.energy,
             }
-        return cls(rule=rule, adjusted=adjusted, by_risk=by_risk)
+        return cls(adaptation=adaptation, adjusted=adjusted, by_risk=by_risk)
 
     def words(self) -> str:
-        """Text: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`; a rule other than Eq. 9."""
+        """Text: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`; an adaptation other than Eq. 9."""
         words = ", ".join(self._words_of(weight, symbol) for weight, symbol in _SYMBOLS.items())
-        if self.rule.kind is AdaptationKind.PAPER:
+        if self.adaptation.kind is AdaptationKind.PAPER:
             return words
-        return f"{self.rule.words}: {words}"
+        return f"{self.adaptation.words}: {words}"
 
     def _words_of(self, weight: str, symbol: str) -> str:
-        base, adjusted = getattr(self.rule.base, weight), getattr(self.adjusted, weight)
+        base, adjusted = getattr(self.adaptation.base, weight), getattr(self.adjusted, weight)
         shown = [
             f"{name} {changes[weight]:+.2f}"
             for name, changes in self.by_risk.items()
@@ -66,8 +66,8 @@ class WeightsReason(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Returns a dict for JSON."""
         return {
-            "adaptation": self.rule.to_dict(),
-            "base": {weight: getattr(self.rule.base, weight) for weight in _SYMBOLS},
+            "adaptation": self.adaptation.to_dict(),
+            "base": {weight: getattr(self.adaptation.base, weight) for weight in _SYMBOLS},
             "adjusted": {weight: getattr(self.adjusted, weight) for weight in _SYMBOLS},
             "by_risk": {name: dict(changes) for name, changes in self.by_risk.items()},
             "words": self.words(),

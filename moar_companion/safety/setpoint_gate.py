@@ -86,17 +86,17 @@ def motion_refusal(
     greatest_mps: float,
     least_mps: float,
     acceleration_mps2: float,
-    blown_to_m: Vector | None = None,
+    drifting_at_m: Vector | None = None,
 ) -> str | None:
     """Reason why a setpoint must not be sent, by its motion; None if it may be sent.
 
     before, after: position and velocity of the setpoint that was sent `elapsed_s` ago, None for the
     first one, and of this one. greatest_mps: the vehicle's speed; least_mps: speed of a setpoint
-    that moves over to its path. blown_to_m: position of an aircraft that wind moves; at rest, the
-    setpoint may move to there at any speed.
+    that moves over to its path. drifting_at_m: position of an aircraft that wind moves; at rest,
+    the setpoint may move to there at any speed.
     """
-    if blown_to_m is not None and before is not None and not any(after[1]):
-        nearer = math.dist(after[0], blown_to_m) <= math.dist(before[0], blown_to_m)
+    if drifting_at_m is not None and before is not None and not any(after[1]):
+        nearer = math.dist(after[0], drifting_at_m) <= math.dist(before[0], drifting_at_m)
         return None if nearer else "setpoint leaves drifting aircraft"
     speed_mps = math.hypot(*after[1])
     # A setpoint may begin to move over while it still brakes on its path.

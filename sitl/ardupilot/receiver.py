@@ -94,7 +94,7 @@ class Receiver:
         return self._world.now_us >= self._detected_us
 
     @property
-    def speaks(self) -> bool:
+    def reports(self) -> bool:
         """True while its last data still count."""
         return self._silence_s < _REPEATS_S
 

@@ -193,7 +193,7 @@ class MotionMessages(Builders):
     def _gps(self) -> bytes:
         receiver = self.receiver
         shown = receiver.shown
-        if shown is None or not receiver.speaks:
+        if shown is None or not receiver.reports:
             return self._pack(
                 "GPS_RAW_INT", time_usec=receiver.fix_us, fix_type=int(receiver.detected), lat=0,
                 lon=0, alt=0, eph=65535, epv=65535, vel=0, cog=0, satellites_visible=0,

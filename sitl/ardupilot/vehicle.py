@@ -34,7 +34,7 @@ from sitl.world import TICK_S, World
 
 _RESTART_US: Final = 190_000
 """Time from the command to the new start."""
-_DEAD: Final = "DEAD"
+_ENDED: Final = "PROCESS ENDED"
 _NO_INDEX: Final = 65535
 _LAST_SWITCH_POSITION: Final = 6
 _LEVEL_BIAS_RAD: Final = 0.01
@@ -64,7 +64,7 @@ class ArduPilotManner:
     def _boot(self, boot_us: int) -> None:
         world, router, parameters = self._world, self._router, self.parameters
         self._boot_us = boot_us
-        self.dead = False
+        self.process_ended = False
         self.text_sender = TextSender(world, router, boot_us)
         self.navigation = Navigation(world, parameters, self.text_sender, boot_us)
         self.control_loop = PositionControl(gains(parameters), world.quad, 0.0)
@@ -112,17 +112,17 @@ class ArduPilotManner:
     @property
     def running(self) -> bool:
         """True while the process runs and its links work."""
-        return not self.dead and self._world.now_us - self._boot_us >= FIRST_PACKETS_US
+        return not self.process_ended and self._world.now_us - self._boot_us >= FIRST_PACKETS_US
 
     @property
     def armed(self) -> bool:
         """True when the motors may turn."""
-        return self.commander.armed and not self.dead
+        return self.commander.armed and not self.process_ended
 
     @property
     def mode_name(self) -> str:
-        """ArduPilot's name of the mode; DEAD when its process has crashed."""
-        return _DEAD if self.dead else self.commander.mode.title
+        """ArduPilot's name of the mode; PROCESS ENDED after a crash of it."""
+        return _ENDED if self.process_ended else self.commander.mode.title
 
     @property
     def landed_state(self) -> int:
@@ -262,12 +262,12 @@ class ArduPilotManner:
 
     def receive(self, link: str, message: Any) -> None:
         """Route a message, and take it if it is for the autopilot."""
-        if self.dead or not route(self._router, self._router.links[link], message):
+        if self.process_ended or not route(self._router, self._router.links[link], message):
             return
         try:
             self._inbox.take(link, message)
         except FloatingPointError:
-            self.dead = True
+            self.process_ended = True
             self._world.quad.demand.spinning = False
 
     # Answers
@@ -311,7 +311,7 @@ class ArduPilotManner:
 
     def control(self) -> None:
         """Decide and write the airframe's demand; before the physics of each tick."""
-        if self.dead or self._world.now_us < self._boot_us:
+        if self.process_ended or self._world.now_us < self._boot_us:
             return
         self.navigation.update()
         commander = self.commander

@@ -144,7 +144,7 @@ def curves_of_scikit_learn(points_m: np.ndarray) -> np.ndarray:
             min_samples=4,
             residual_threshold=0.5,
             max_trials=500,
-            loss=lambda true, told: np.hypot(*(true - told).T),
+            loss=lambda true, reported: np.hypot(*(true - reported).T),
             random_state=0,
         )
         model.fit(rest[:, :1], rest[:, 1:])

@@ -129,31 +129,31 @@ def fly(case: Case) -> Result:
     if case.mission is Mission.INSPECTION:
         flight.give_mode()
     flight.run_until_state("flying", 5.0)
-    flight.run_until(lambda: _outlook(flight).finish is not None, 10.0)
-    outlook, before = _outlook(flight), flight.truth.battery_fraction
+    flight.run_until(lambda: _forecast(flight).finish is not None, 10.0)
+    forecast, before = _forecast(flight), flight.truth.battery_fraction
     flight.run_until_state("holding", 400.0)
     if case.mission is Mission.INSPECTION:
-        flight.operator.mission(ORDERS[_outlook(flight).better])
+        flight.operator.mission(ORDERS[_forecast(flight).better])
         flight.run_until_state("landing_leg", 400.0)
         flight.run_until_state("holding", 400.0)
     assert flight.companion.status.task.done
     flight.land()
     # PX4's simulated battery is full again once it is disarmed.
     after = next(truth.battery_fraction for truth in reversed(flight.truths) if truth.armed)
-    assert outlook.finish is not None
+    assert forecast.finish is not None
     return Result(
         case=case,
-        source=outlook.source,
-        forecast_wh=outlook.finish.energy_wh,
-        file_wh=outlook.finish.energy_wh / outlook.factor,
+        source=forecast.source,
+        forecast_wh=forecast.finish.energy_wh,
+        file_wh=forecast.finish.energy_wh / forecast.factor,
         used_wh=(before - after) * capacity_wh,
     )
 
 
-def _outlook(flight: Lockstep):
-    outlook = flight.companion.outlook
-    assert outlook is not None
-    return outlook
+def _forecast(flight: Lockstep):
+    forecast = flight.companion.energy_forecast
+    assert forecast is not None
+    return forecast
 
 
 def row(name: str, results: list[Result], *, by_file: bool = False) -> str:

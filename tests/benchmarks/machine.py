@@ -59,8 +59,8 @@ def risk_update_us(*, explained: bool) -> Callable[[], float]:
     received = []
     for number in range(1, UPDATES + 1):
         now_s = flight.now_s + 0.1 * number
-        told = {name: source(now_s) for name, source in flight.sources.items()}
-        received.append((now_s, replace(flight.telemetry, **told)))
+        reported = {name: source(now_s) for name, source in flight.sources.items()}
+        received.append((now_s, replace(flight.telemetry, **reported)))
     power = PowerModel.of(VEHICLE)
 
     def measure() -> float:
@@ -78,7 +78,9 @@ def risk_update_us(*, explained: bool) -> Callable[[], float]:
             )
             if explained:
                 risk_dict(judged)
-                WeightsReason.of(VEHICLE.rule(Mission.INSPECTION), judged.indices).to_dict()
+                WeightsReason.of(
+                    VEHICLE.adaptation_of(Mission.INSPECTION), judged.indices
+                ).to_dict()
         return 1e6 * (time.process_time() - began) / UPDATES
 
     return measure
@@ -114,12 +116,12 @@ def messages_through_the_companion(stream: Stream, count: int) -> Callable[[], f
 
     def measure() -> float:
         companion = Companion(CompanionConfig(vehicle=shipped_configs()), VEHICLE, site_maps)
-        thought_s = -math.inf
+        assessed_s = -math.inf
         began = time.process_time()
         for time_s, data in stream:
             companion.receive(LINK, data, time_s)
-            if time_s - thought_s >= PERIOD_S:
-                thought_s = time_s
+            if time_s - assessed_s >= PERIOD_S:
+                assessed_s = time_s
                 companion.tick(time_s)
                 companion.data_to_send()
                 companion.decisions()

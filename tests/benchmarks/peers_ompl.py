@@ -30,7 +30,7 @@ KINDS = {
     "Informed RRT*": (geometric.InformedRRTstar, True),
     "BIT*": (geometric.BITstar, False),
 }
-"""The planner's class, and whether it is told a bound."""
+"""The planner's class; True if it is given a bound."""
 DIMENSIONS = (2, 4)
 SEED = 1
 

@@ -75,21 +75,21 @@ def table(title: str, head: str, rows: list[str]) -> None:
 def told_in(path: str, model: RiskModel) -> np.ndarray:
     """Time and wind from tilt, (n, 2), for the estimated instants of a recording."""
     witness, estimate = PassiveListener(), RiskEstimate.unknown(model)
-    begin_s, due_s, told = None, 0.0, []
+    begin_s, due_s, reported = None, 0.0, []
     for record in Tlog((SHARED / "traces" / f"{path}.companion.tlog").read_bytes()):
         begin_s = record.time_s if begin_s is None else begin_s
         now_s = record.time_s - begin_s
         while due_s <= now_s:
             witness.tick(due_s)
             estimate = update(estimate, witness.telemetry, due_s, model=model, cruise_mps=5.0)
-            told += [
+            reported += [
                 (due_s, item.value)
                 for item in estimate.report.wind.inputs
                 if item.name == FROM_TILT and item.known
             ]
             due_s += PERIOD_S
         witness.handle(record.packet, now_s)
-    return np.array(told)
+    return np.array(reported)
 
 
 def recordings() -> list[str]:
@@ -100,8 +100,8 @@ def recordings() -> list[str]:
         )
         for begin_s, end_s, true_mps in recording.segments:
             cells = []
-            for told in (default, known):
-                wind = told[(told[:, 0] >= begin_s) & (told[:, 0] < end_s), 1]
+            for reported in (default, known):
+                wind = reported[(reported[:, 0] >= begin_s) & (reported[:, 0] < end_s), 1]
                 cells.append(f"{wind.mean():.1f} ± {wind.std():.1f}")
             when = f"{begin_s:.0f} to {end_s:.0f} s"
             rows.append(f"| {recording.path}, {when} | {true_mps:g} | {' | '.join(cells)} |")
@@ -114,10 +114,10 @@ def followed_s(flight: AirFlight, wind_mps: float) -> float:
     flight.reported.clear()
     flight.wind(wind_mps)
     flight.run(10.0)
-    for told in flight.reported:
-        error = abs((told.tilt_mps or 0.0) - told.true_mps)
-        if error > max(NEAR_MPS, CLOSE * told.true_mps):
-            late_s = told.time_s - began_s
+    for item in flight.reported:
+        error = abs((item.tilt_mps or 0.0) - item.true_mps)
+        if error > max(NEAR_MPS, CLOSE * item.true_mps):
+            late_s = item.time_s - began_s
     return late_s
 
 
@@ -146,7 +146,7 @@ def errors() -> list[str]:
                 flight.run(5.0)
                 flight.fly_to((12.0, 0.0), 3.0)
                 flight.fly_to((0.0, 0.0), 3.0)
-                wind = np.array([told.tilt_mps for told in flight.reported], dtype=float)
+                wind = np.array([item.tilt_mps for item in flight.reported], dtype=float)
                 error = wind - wind_mps
                 cells.append(f"{error.mean():+.1f} ({np.abs(error).max():.1f})")
             rows.append(f"| {manner.value} | {drag:.0%} | {' | '.join(cells)} |")
@@ -162,9 +162,9 @@ def calm() -> list[str]:
             rest = flight.reported[-1].risk
             flight.reported.clear()
             flight.manoeuvre()
-            wind = np.array([told.tilt_mps for told in flight.reported], dtype=float)
-            fast = max(math.hypot(*told.velocity_ned_mps[:2]) for told in flight.reported)
-            risk = max(told.risk for told in flight.reported)
+            wind = np.array([item.tilt_mps for item in flight.reported], dtype=float)
+            fast = max(math.hypot(*item.velocity_ned_mps[:2]) for item in flight.reported)
+            risk = max(item.risk for item in flight.reported)
             fit = DragFlight()
             for telemetry in flight.telemetry:
                 fit.take(telemetry)

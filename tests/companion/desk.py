@@ -245,7 +245,7 @@ class Desk(ScriptedAutopilot):
             if self.jobs[-1].request.mission.value == mission:
                 return self
             self.step()
-        raise AssertionError(f"{mission} is not sought")
+        raise AssertionError(f"{mission} is not requested")
 
     def pause(self):
         return self.order(0.0, command=PAUSE_CONTINUE)
@@ -267,10 +267,10 @@ class Desk(ScriptedAutopilot):
         """PARAM_VALUE: the answer to a request, or the report of a change."""
         if name in self.parameters:
             real = mavlink.MAV_PARAM_TYPE_REAL32
-            told = mavlink.MAVLink_param_value_message(
+            reported = mavlink.MAVLink_param_value_message(
                 name.encode(), self.parameters[name], real, 900, 0
             )
-            self.handle(self.autopilot.pack(told))
+            self.handle(self.autopilot.pack(reported))
 
     def set_parameters(self, **values):
         """Sets parameters; the autopilot reports the change."""
@@ -282,7 +282,7 @@ class Desk(ScriptedAutopilot):
     def report_home(self, x_m):
         """Moves the autopilot's home below this place of the plane."""
         home = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
-        told = create(
+        reported = create(
             "HOME_POSITION",
             latitude=round(home.latitude_deg * 1e7),
             longitude=round(home.longitude_deg * 1e7),
@@ -295,7 +295,7 @@ class Desk(ScriptedAutopilot):
             approach_y=0.0,
             approach_z=0.0,
         )
-        return self.handle(self.autopilot.pack(told))
+        return self.handle(self.autopilot.pack(reported))
 
     def send_heartbeat(self, mode, status=ACTIVE):
         """Changes the autopilot's mode and sends a HEARTBEAT at once."""
@@ -362,8 +362,8 @@ class Desk(ScriptedAutopilot):
         """
         if self._count or self.received:
             return self._come_to(state, mission).run(then_s)
-        told = {name: value for name, value in vars(self).items() if name not in _MACHINES}
-        alike = (self.planner, repr((state, mission, then_s, told)))
+        reported = {name: value for name, value in vars(self).items() if name not in _MACHINES}
+        alike = (self.planner, repr((state, mission, then_s, reported)))
         if alike not in _came:
             twin = copy_of(self)
             _came[alike] = (

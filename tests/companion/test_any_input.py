@@ -343,9 +343,9 @@ class AnyInput(RuleBasedStateMachine):
             ["into a keep-out", "too low", "off the plane", "beside its leg", "a little"]
         ),
         far=st.booleans(),
-        told=st.booleans(),
+        reported=st.booleans(),
     )
-    def the_position_jumps(self, where, far, told):
+    def the_position_jumps(self, where, far, reported):
         self._see_that_it_flies()
         self.desk.run_to_position()
         self.judge.look()
@@ -360,7 +360,7 @@ class AnyInput(RuleBasedStateMachine):
                 "beside its leg": (0.9 if far else -0.45, 0.0, 0.0),
                 "a little": (0.0, -0.4 if far else 0.2, 0.2),
             }[where]
-        if told:
+        if reported:
             self.desk.reset_counter = (self.desk.reset_counter + 1) % 256
         self.desk.estimate_off_ned_m = tuple(
             old + new for old, new in zip(self.desk.estimate_off_ned_m, jump_ned_m, strict=True)
@@ -409,16 +409,16 @@ class AnyInput(RuleBasedStateMachine):
         """One rule for all, so that hypothesis finds all of them alike in every example."""
         name, arguments = event
         getattr(self, name)(**arguments)
-        self._see_that_it_was_told()
+        self._see_that_it_was_reported()
 
-    def _see_that_it_was_told(self):
+    def _see_that_it_was_reported(self):
         """Every reason that holds a flight, or ends its task, was reported."""
         leading = self.desk.companion.ruling.leading
         if self.judge.streaming and leading is not None and leading.condition.action > Action.SLOW:
             words = _without_numbers(leading.reason)
-            assert any(words in _without_numbers(told) for told in self.desk.reported_reasons()), (
-                words
-            )
+            assert any(
+                words in _without_numbers(reported) for reported in self.desk.reported_reasons()
+            ), words
 
 
 def _without_numbers(words):

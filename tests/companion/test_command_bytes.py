@@ -238,7 +238,7 @@ def traffic(draw):
 @settings(max_examples=20, deadline=None)
 @given(traffic(), st.sampled_from(["idle", "ready", "flying"]))
 def test_no_motion_is_repeated_and_every_order_is_answered_to_its_sender_alone(exchange, state):
-    """A hold or release may be carried out again: an old one is not told from a new one."""
+    """A hold or release may be carried out again: an old one looks like a new one."""
     orders, arrivals = exchange
     desk = Desk(links=LINKS).come_to(state, then_s=2.1)  # what was ordered is no repeat of it
     desk.sent.clear()

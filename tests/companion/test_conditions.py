@@ -136,7 +136,7 @@ def test_escape_routes_without_a_plan_hold_until_there_is_one_and_are_reported_s
     began, count = desk.now_s, 0
     while desk.now_s < began + 20.0:
         desk.step()
-        if desk.companion.status.sought is not None:
+        if desk.companion.status.requested is not None:
             desk.answer_plan(plan=None, reason="no free path leads there")
             count += 1
     assert desk.state == "holding"
@@ -160,7 +160,7 @@ def test_a_denied_order_leaves_the_evacuation_on():
     desk.set(charge_state=3, plan_delay_s=None).run_until_sought("evacuation").run(0.6)
     desk.order(EXIT).run(0.5).set(plan_delay_s=0.04)
     desk.answer_plan(plan=None, reason="no free path leads there").step()
-    assert desk.companion.status.sought.mission.value == "evacuation"
+    assert desk.companion.status.requested.mission.value == "evacuation"
     desk.run(0.5)
     assert desk.answers()[-1] == DENIED
     assert flown(desk) == "evacuation"

@@ -51,7 +51,7 @@ def muted(message):
 
 ORDERLY = {
     "a release that is ordered": released,
-    "the service is told to end": shut_down,
+    "the service is ordered to end": shut_down,
     # Conditions of the supervisor, by their names.
     "autopilot_identity": second_autopilot,
     "mode_unconfirmed": muted("HEARTBEAT"),

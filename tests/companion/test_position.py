@@ -119,8 +119,8 @@ def test_a_jump_of_the_estimate_moves_the_setpoint_by_the_same_vector(jump_ned_m
     jumped = (after.x - before.x, after.y - before.y, after.z - before.z)
     assert jumped == pytest.approx(jump_ned_m, abs=0.1)
     assert math.dist(desk.position_ned_m, place) < 0.1  # the aircraft has not followed the jump
-    (told,) = desk.decided("jump")
-    assert math.hypot(*told["jump_m"]) == pytest.approx(math.hypot(*jump_ned_m), abs=0.05)
+    (reported,) = desk.decided("jump")
+    assert math.hypot(*reported["jump_m"]) == pytest.approx(math.hypot(*jump_ned_m), abs=0.05)
     desk.run(1.0)
     assert moved_m(desk.setpoints(began + 0.06)) < 0.05  # the setpoint returns to its path slowly
 
@@ -133,15 +133,15 @@ def test_a_jump_of_less_than_half_a_metre_moves_the_aircraft_not_the_setpoint():
     assert moved_m(desk.setpoints(began)) < 0.05
 
 
-@pytest.mark.parametrize("told", ["with it", "after it", "before it"])
-def test_a_smaller_jump_is_detected_when_the_estimator_reports_its_reset(told):
+@pytest.mark.parametrize("reported", ["with it", "after it", "before it"])
+def test_a_smaller_jump_is_detected_when_the_estimator_reports_its_reset(reported):
     desk = Desk().set(reset_counter=255).come_to("ready", then_s=2.0)
     desk.run_to_position()
     before = desk.setpoints()[-1]
-    if told == "before it":
+    if reported == "before it":
         desk.set(reset_counter=0).run(0.2)
     desk.jump(0.0, 0.4, 0.0)
-    if told == "after it":
+    if reported == "after it":
         desk.run(0.2)
     desk.set(reset_counter=0).run(1.0)
     (decided,) = desk.decided("jump")
@@ -297,8 +297,8 @@ def test_a_reset_of_the_heading_does_not_turn_the_nose(reset_rad):
     desk.set(yaw_rad=desk.yaw_rad + reset_rad).run(1.0)
     after = desk.setpoints(began + 0.06)
     assert {round(math.remainder(m.yaw - before - reset_rad, math.tau), 5) for m in after} == {0.0}
-    (told,) = desk.decided("jump")
-    assert (told["jump_m"], told["turn_rad"]) == ([0.0, 0.0, 0.0], pytest.approx(reset_rad))
+    (reported,) = desk.decided("jump")
+    assert (reported["jump_m"], reported["turn_rad"]) == ([0.0, 0.0, 0.0], pytest.approx(reset_rad))
     assert moved_m(desk.setpoints(began)) < 0.02
 
 

@@ -92,7 +92,7 @@ def test_a_stopped_flight_searches_its_escape_route_from_its_place(monkeypatch):
 class Anywhere:
     """A flight that permits every setpoint, or refuses every one with `reason`."""
 
-    blown_to_m, reason, seen_late = None, None, False
+    drifting_at_m, reason, seen_late = None, None, False
     path = SimpleNamespace(
         volume=SimpleNamespace(
             site=SimpleNamespace(margin=Margin(position_m=0.9)),

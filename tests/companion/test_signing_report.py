@@ -57,18 +57,18 @@ def test_a_signer_whose_clock_is_behind_is_named_with_the_time_difference():
 
 
 @pytest.mark.parametrize(
-    ("ahead_s", "told"),
+    ("ahead_s", "reported"),
     [
         (120.0, "MOAR: signing.json 2 min ahead of the clock"),
         (5 * 3600.0, "MOAR: signing.json 5.0 h ahead of the clock"),
         (26_800 * 86400.0, "MOAR: signing.json 26800 d ahead of the clock"),
     ],
 )
-def test_a_stored_time_ahead_of_the_clock_is_reported_with_the_remedy(ahead_s, told):
+def test_a_stored_time_ahead_of_the_clock_is_reported_with_the_remedy(ahead_s, reported):
     behind_s = {"a": {1: 120.0}}
     (words,) = SigningReport().texts({"a": refused(old=12)}, behind_s, 1.0, ahead_s=ahead_s)
     assert "where it is right delete signing.json, and restart; system 1 signs" in words
-    assert pilot_text(words) == told
+    assert pilot_text(words) == reported
 
 
 def test_a_clock_that_was_briefly_ahead_is_reported_when_senders_are_refused_for_it():

@@ -35,8 +35,8 @@ from ..safety.seen import (
     moves,
     receives,
     risk,
-    told,
     wind,
+    with_telemetry,
 )
 from ..safety.test_checks import STORIES
 from ..safety.test_checks_of_place import STORIES as OF_PLACE
@@ -106,7 +106,7 @@ def extreme(value):
         replace(IN_FLIGHT, jumped_m=value, error_m=value, stopped=True, plan_awaited_s=value),
         replace(IN_FLIGHT, room_m=-value, host=Host(disk_free=1e-9, memory_available=0.0)),
         replace(IN_FLIGHT, risk=risk(wind(value))),
-        told(ground_station=late),
+        with_telemetry(ground_station=late),
         moves(position_m=place, velocity_mps=place),
         leaves(Mission.EXIT, -value),
         leaves(Mission.EVACUATION, 30.0),

@@ -27,13 +27,13 @@ def desk_with_contingencies(**config):
     return desk
 
 
-def outlook(desk):
-    return desk.companion.outlook
+def forecast(desk):
+    return desk.companion.energy_forecast
 
 
 def test_in_the_air_both_escape_routes_are_ready_before_any_order():
     desk = desk_with_contingencies().run(2.0)
-    routes, seen = outlook(desk), desk.companion
+    routes, seen = forecast(desk), desk.companion
     assert (routes.finish, seen.plan_jobs(), desk.jobs) == (None, [], [])
     for mission, route in (("exit", routes.exit), ("evacuation", routes.evacuation)):
         x_m, _, z_m = seen.pose.position_m
@@ -50,12 +50,12 @@ def test_on_the_ground_no_escape_route_is_planned():
     desk.landed_state = 1
     desk.run(3.0)
     assert desk.contingency_jobs == []
-    assert outlook(desk).exit is None
-    assert outlook(desk).better is None
+    assert forecast(desk).exit is None
+    assert forecast(desk).better is None
 
 
 def test_without_a_site_there_is_no_outlook():
-    assert Desk(with_site=False).run(1.0).companion.outlook is None
+    assert Desk(with_site=False).run(1.0).companion.energy_forecast is None
 
 
 def test_escape_routes_are_replanned_from_the_position_of_the_aircraft():
@@ -100,20 +100,20 @@ def test_the_mission_with_its_escape_route_becomes_shorter_in_flight():
     desk = desk_with_contingencies(planner=quick_planner()).come_to("flying", then_s=2.0)
     left = []
     while desk.state in {"flying", "at_target"}:
-        left.append((desk.now_s, outlook(desk).finish.duration_s))
+        left.append((desk.now_s, forecast(desk).finish.duration_s))
         desk.run(1.0)
     # The end predicted at the beginning is the end predicted at the end.
     ends = [at_s + rest_s for at_s, rest_s in left]
     assert max(ends) - min(ends) < 0.1 * left[0][1] + 5.0
-    assert outlook(desk).finish is None
+    assert forecast(desk).finish is None
     desk.order(EXIT).run_until("flying", 2.0)
     desk.run(0.3)
-    assert outlook(desk).finish == outlook(desk).exit
-    assert outlook(desk).better is Mission.EXIT
+    assert forecast(desk).finish == forecast(desk).exit
+    assert forecast(desk).better is Mission.EXIT
     desk.run_until("holding", 120.0)
     # The landing is left.
     landing = landing_s(desk.vehicle.guidance.landing_height_m, autopilots.PX4)
-    assert outlook(desk).finish.duration_s == pytest.approx(landing, abs=0.3)
+    assert forecast(desk).finish.duration_s == pytest.approx(landing, abs=0.3)
 
 
 @pytest.mark.slow
@@ -148,9 +148,9 @@ def test_a_silent_battery_does_not_delay_the_point_of_no_return():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=13)
     desk.come_to("flying", then_s=4.0)
     desk.mute |= {"BATTERY_STATUS", "SYS_STATUS"}
-    before_s = outlook(desk).flight_s
+    before_s = forecast(desk).flight_s
     desk.run(20.0)
-    assert before_s - outlook(desk).flight_s == pytest.approx(20.0, rel=0.2)
+    assert before_s - forecast(desk).flight_s == pytest.approx(20.0, rel=0.2)
 
 
 def test_the_status_shows_the_remaining_energy_and_time():
@@ -177,8 +177,8 @@ def test_without_an_exit_the_evacuation_is_the_better_route():
 
     desk.companion.contingency_answered = without_exit
     desk.run(3.0)
-    assert outlook(desk).exit is None
-    assert outlook(desk).better is Mission.EVACUATION
+    assert forecast(desk).exit is None
+    assert forecast(desk).better is Mission.EVACUATION
 
 
 def test_requests_alternate_among_all_needed_routes():
@@ -199,7 +199,7 @@ def test_an_escape_route_is_planned_despite_an_impossible_velocity(speed_mps):
     desk = desk_with_contingencies()
     desk.velocity_ned_mps = (0.0, speed_mps, 0.0)
     desk.run(3.0)
-    assert outlook(desk).exit.duration_s > 0.0
+    assert forecast(desk).exit.duration_s > 0.0
 
 
 def test_beside_the_plane_without_control_no_route_is_requested():
@@ -255,10 +255,10 @@ def test_without_the_landed_state_the_point_of_no_return_starts_an_exit():
 def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=25).run(10.0)
-    before, stopping_s = desk.companion.risk.indices.battery, outlook(desk).exit.duration_s
+    before, stopping_s = desk.companion.risk.indices.battery, forecast(desk).exit.duration_s
     desk.drift(60.0, 0.0, 0.0, seconds=12.0).run(2.0)
     speed_mps = desk.vehicle.speed.horizontal_mps
-    assert outlook(desk).exit.duration_s == pytest.approx(stopping_s + 60.0 / speed_mps, rel=0.1)
+    assert forecast(desk).exit.duration_s == pytest.approx(stopping_s + 60.0 / speed_mps, rel=0.1)
     assert desk.companion.risk.indices.battery >= before - 0.01
 
 
@@ -266,7 +266,7 @@ def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
 def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=4.5)  # just after a round of requests, not just before one
-    begins_m, stopping_s = desk.companion.pose.position_m, outlook(desk).exit.duration_s
+    begins_m, stopping_s = desk.companion.pose.position_m, forecast(desk).exit.duration_s
     if planner == "is silent":
         desk.contingencies = False
     else:
@@ -276,8 +276,8 @@ def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     away_m = math.dist(desk.companion.pose.position_m, begins_m)
     assert away_m > 2.0
     back_s = away_m / desk.vehicle.speed.horizontal_mps
-    assert outlook(desk).exit.duration_s == pytest.approx(stopping_s + back_s, abs=2.5)
-    assert outlook(desk).exit.age_s == pytest.approx(15.0, abs=3.0)
+    assert forecast(desk).exit.duration_s == pytest.approx(stopping_s + back_s, abs=2.5)
+    assert forecast(desk).exit.age_s == pytest.approx(15.0, abs=3.0)
     assert left_after_exit(desk).known
     assert any("escape route" in item.reason for item in desk.companion.ruling.conditions)
     desk.set(battery_percent=6).run(6.0)
@@ -289,9 +289,9 @@ def test_an_exit_beyond_the_battery_is_replaced_by_an_evacuation():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=80).come_to("flying", then_s=4.0)
     desk.order(EXIT).run(1.0)
-    assert outlook(desk).better is Mission.EXIT
+    assert forecast(desk).better is Mission.EXIT
     desk.set(battery_percent=25).run(5.0)
-    assert outlook(desk).exit.left_s < 60.0 < outlook(desk).evacuation.left_s
+    assert forecast(desk).exit.left_s < 60.0 < forecast(desk).evacuation.left_s
     assert desk.companion.status.task.mission is Mission.EVACUATION
     assert desk.said("exit leaves no flight time, evacuating")
     desk.run(8.0)
@@ -311,10 +311,10 @@ def test_a_mission_flown_slowly_takes_longer():
     desk = desk_with_contingencies().come_to("flying", then_s=2.0)
     desk.plan_delay_s = None
     desk.run(5.0)
-    before = outlook(desk).finish
+    before = forecast(desk).finish
     desk.run(3.0)
-    assert outlook(desk).finish.duration_s > 1.2 * before.duration_s
-    assert outlook(desk).finish.energy_wh > 1.2 * before.energy_wh
+    assert forecast(desk).finish.duration_s > 1.2 * before.duration_s
+    assert forecast(desk).finish.energy_wh > 1.2 * before.energy_wh
 
 
 # An exit that is flown --------------------------------------------------------------------------
@@ -349,7 +349,10 @@ def seen_with(routes, scene, left_s, now_s, pace=1.0):
 
 def test_a_slow_exit_is_replaced_only_where_a_fast_one_would_be():
     desk, routes, scene = exit_is_flown()
-    need_s = routes.outlook(scene.meter).flight_s - routes.outlook(scene.meter).exit.left_s
+    need_s = (
+        routes.energy_forecast(scene.meter).flight_s
+        - routes.energy_forecast(scene.meter).exit.left_s
+    )
     slow = seen_with(routes, scene, need_s + 90.0, desk.now_s, pace=0.5)
     assert slow.left_s < 0.0
     assert (slow.mission, slow.flown_left_s) == (Mission.EXIT, None)
@@ -360,7 +363,7 @@ def test_a_slow_exit_is_replaced_only_where_a_fast_one_would_be():
 
 def test_a_slow_exit_is_compared_with_an_evacuation_at_the_same_pace():
     desk, routes, scene = exit_is_flown(far_evacuation_planner)
-    known = routes.outlook(scene.meter)
+    known = routes.energy_forecast(scene.meter)
     assert known.exit.energy_wh < known.evacuation.energy_wh < 1.6 * known.exit.energy_wh
     slow = seen_with(routes, scene, 30.0, desk.now_s, pace=0.5)
     assert (slow.mission, slow.flown_left_s) == (Mission.EXIT, None)
@@ -368,10 +371,10 @@ def test_a_slow_exit_is_compared_with_an_evacuation_at_the_same_pace():
 
 def test_an_exit_at_rest_after_braking_has_not_arrived():
     desk, routes, scene = exit_is_flown()
-    before = outlook(desk).exit
+    before = forecast(desk).exit
     scene.flight.stop_at(scene.flight.progress(scene.pose).setpoint.position_m)
     routes.update(scene, desk.now_s)
-    after = routes.outlook(scene.meter)
+    after = routes.energy_forecast(scene.meter)
     assert after.exit.duration_s == pytest.approx(before.duration_s, rel=0.1)
     assert after.finish == after.exit
 
@@ -391,7 +394,7 @@ def exit_s(routes, scene, now_s, wind_mps):
     """Duration of the exit in a wind along the plane; None: wind unknown."""
     wind_mps = None if wind_mps is None else (wind_mps, 0.0, 0.0)
     routes.update(replace(scene, wind_mps=wind_mps), now_s)
-    return routes.outlook(scene.meter).exit.duration_s
+    return routes.energy_forecast(scene.meter).exit.duration_s
 
 
 def test_an_exit_against_the_wind_takes_the_time_the_wind_allows():

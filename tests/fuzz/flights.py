@@ -194,7 +194,7 @@ class Life:
         self.pick = Random(f"{what} {seed}")
         self.what, self.seed, self.report = what, seed, report
         self.manner = list(Manner)[seed % 2]
-        self.speaks_for_autopilot = what == "messages" and seed // 2 % 2 == 0
+        self.sends_as_autopilot = what == "messages" and seed // 2 % 2 == 0
         self.failed_tasks = 0
         self._begin()
         codec = self.flight.companion.companion._session._codecs[COMPANION_LINK]
@@ -279,7 +279,7 @@ class Life:
             [(place, ids) for place in ELSEWHERE for ids in [*OPERATORS, *STRANGERS]],
             [(HOME, ids) for ids in STRANGERS if ids != (1, 1)],
         ]
-        if self.speaks_for_autopilot:
+        if self.sends_as_autopilot:
             groups += [[(HOME, (1, 1))]] * 4
         speakers = pick.choice([*groups, list(itertools.chain(*groups))])
         shapes = pick.choice([self.shapes, pick.sample(self.shapes, pick.choice((1, 2, 5)))])
@@ -332,7 +332,7 @@ class Life:
         if flight.setpoints:
             room_m = judging.clearances_m(flight.site, judging.setpoint_places(flight))
             assert min(room_m) > flight.vehicle.radius_m, "a setpoint inside an obstacle"
-        if not self.speaks_for_autopilot:
+        if not self.sends_as_autopilot:
             if flight.setpoints:
                 judging.assert_setpoints_never_jump(flight)
             if not all(truth.on_ground for truth in flight.truths):
@@ -346,7 +346,7 @@ class Life:
                 assert not any((item.message.vx, item.message.vy, item.message.vz))
             if item.state in ENDED and before is not None:
                 ends = [(m.x, m.y, m.z) for m in (before.message, item.message)]
-                assert math.dist(*ends) < 2e-3 or self.speaks_for_autopilot, "the last one jumps"
+                assert math.dist(*ends) < 2e-3 or self.sends_as_autopilot, "the last one jumps"
             before = item
         flight.setpoints = [item for item in flight.setpoints if item.state not in ENDED]
 

@@ -51,10 +51,10 @@ def test_a_line_is_free_only_if_no_cell_on_it_is_occupied_or_outside():
 def test_only_the_rest_of_a_leg_has_to_keep_its_distance_from_obstacles():
     space = volume(replace(WIRE, keep_out_m=1.5))
     past_the_wire = ((2.5, 0.0, 4.5), (8.5, 0.0, 4.5), (8.5, 0.0, 7.5), (8.5, 0.0, 12.0))
-    assert not space.keeps_leg(past_the_wire, past_the_wire[0])
-    assert not space.keeps_leg(past_the_wire, (4.0, 0.0, 4.5))
-    assert space.keeps_leg(past_the_wire, (8.5, 0.0, 6.0))
-    assert space.keeps_leg(past_the_wire, (8.5, 0.0, 9.0))
+    assert not space.is_rest_of_leg_free(past_the_wire, past_the_wire[0])
+    assert not space.is_rest_of_leg_free(past_the_wire, (4.0, 0.0, 4.5))
+    assert space.is_rest_of_leg_free(past_the_wire, (8.5, 0.0, 6.0))
+    assert space.is_rest_of_leg_free(past_the_wire, (8.5, 0.0, 9.0))
 
 
 def test_a_place_beside_the_plane_is_left_straight_for_the_plane():

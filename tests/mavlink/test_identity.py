@@ -145,11 +145,11 @@ def test_another_link_is_used_when_the_first_falls_silent(peer):
     handle(identity, sender.heartbeat(), link="serial", now_s=0.0)
     handle(identity, sender.heartbeat(), link="udp", now_s=1.0)
     assert identity.autopilot.link == "serial"
-    assert identity.alive(3.0)
-    assert not identity.alive(3.1)
+    assert identity.is_present(3.0)
+    assert not identity.is_present(3.1)
     handle(identity, sender.heartbeat(), link="udp", now_s=4.0)
     assert identity.autopilot.link == "udp"
-    assert identity.alive(4.0)
+    assert identity.is_present(4.0)
 
 
 def test_a_boot_status_after_another_status_is_a_restart(peer):

@@ -51,7 +51,7 @@ def test_outputs_without_a_motor_are_ignored():
         pytest.param(mavlink.MAV_TYPE_QUADROTOR, 4, id="quadrotor"),
         pytest.param(mavlink.MAV_TYPE_HEXAROTOR, 6, id="hexarotor"),
         pytest.param(mavlink.MAV_TYPE_OCTOROTOR, 8, id="octorotor"),
-        pytest.param(mavlink.MAV_TYPE_GENERIC, 9, id="not told: all of them"),
+        pytest.param(mavlink.MAV_TYPE_GENERIC, 9, id="not reported: all of them"),
     ],
 )
 def test_an_output_after_the_last_motor_is_ignored(vehicle, count):

@@ -7,11 +7,11 @@ from dataclasses import replace
 from moar_companion.mission import state_machine
 from moar_companion.mission.values import (
     Answer,
-    Do,
+    FlightEffect,
     MissionStatus,
     Order,
     OverrideConditions,
-    Seek,
+    RequestPlan,
     SendText,
     Situation,
     Task,
@@ -147,8 +147,8 @@ class Story:
         return [effect.reason for effect in self.effects if isinstance(effect, Answer)]
 
     @property
-    def sought(self):
-        return [effect.task for effect in self.effects if isinstance(effect, Seek)]
+    def requested(self):
+        return [effect.task for effect in self.effects if isinstance(effect, RequestPlan)]
 
     @property
     def said(self):
@@ -157,7 +157,7 @@ class Story:
 
     @property
     def last_setpoint(self):
-        return Do.SEND_LAST_SETPOINT in self.effects
+        return FlightEffect.SEND_LAST_SETPOINT in self.effects
 
 
 def story(state, task=INSPECTION, **options):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission.values import Do, Order
+from moar_companion.mission.values import FlightEffect, Order
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.safety.condition_types import Action, Override
 from moar_companion.safety.conditions import CONDITIONS
@@ -34,7 +34,7 @@ SILENT = [S.IDLE, S.PLANNING, S.OVERRIDDEN, S.RELEASED]
 def test_an_inspection_of_two_targets_from_the_order_to_the_hold_at_its_end():
     flight = story(S.IDLE)
     flight.order(INSPECTION)
-    assert (flight.state, flight.sought) == ("planning", [INSPECTION])
+    assert (flight.state, flight.requested) == ("planning", [INSPECTION])
     flight.plan_found()
     assert (flight.state, flight.answers) == ("ready", [(1, "accepted")])
     flight.see(mode_ours=True)  # the pilot gives OFFBOARD
@@ -42,9 +42,9 @@ def test_an_inspection_of_two_targets_from_the_order_to_the_hold_at_its_end():
     flight.see(arrived=True, dwell_s=5.0)
     assert flight.state == "at_target"
     flight.tick(4.9)
-    assert (flight.state, flight.sought) == ("at_target", [])
+    assert (flight.state, flight.requested) == ("at_target", [])
     flight.tick(0.2)  # the dwell is over: the next target is planned while the aircraft holds
-    assert (flight.state, flight.sought) == ("at_target", [LAST])
+    assert (flight.state, flight.requested) == ("at_target", [LAST])
     flight.plan_found()
     assert (flight.state, flight.answers) == ("flying", [])
     assert flight.status.task == LAST
@@ -66,17 +66,17 @@ def test_an_escape_route_ends_above_its_landing_point_and_requests_the_landing(t
     assert flight.state == "landing_leg"
     flight.see(arrived=True)
     assert flight.state == "holding"
-    assert Do.LAND in flight.effects
+    assert FlightEffect.LAND in flight.effects
     assert flight.streaming
     flight.tick(60.0)
     assert flight.state == "holding"
-    assert Do.LAND not in flight.effects
+    assert FlightEffect.LAND not in flight.effects
 
 
 def test_an_escape_route_without_a_landing_leg_arrives_too():
     flight = story(S.FLYING, EXIT).see(arrived=True)
     assert flight.state == "holding"
-    assert Do.LAND in flight.effects
+    assert FlightEffect.LAND in flight.effects
 
 
 # Leaving a state --------------------------------------------------------------------------------
@@ -137,14 +137,14 @@ def test_a_mode_given_back_is_not_flown_without_a_new_command():
         flight.tick(1.0)
         assert (flight.state, flight.effects) == ("overridden", [])
     flight.order(INSPECTION)
-    assert (flight.state, flight.sought) == ("planning", [INSPECTION])
+    assert (flight.state, flight.requested) == ("planning", [INSPECTION])
 
 
 def test_with_resume_a_mode_given_back_is_flown_again():
     flight = story(S.OVERRIDDEN, resume=True).tick(10.0)
     assert flight.state == "overridden"
     flight.see(mode_ours=True)
-    assert (flight.state, flight.sought) == ("planning", [INSPECTION])
+    assert (flight.state, flight.requested) == ("planning", [INSPECTION])
     flight.plan_found()
     flight.tick()
     assert flight.state == "flying"
@@ -173,11 +173,11 @@ def test_a_resume_is_denied_after_an_autopilot_failsafe():
     flight.see(**FAILSAFE)  # the battery, while the pilot flies
     flight.see(mode_ours=True)
     assert not flight.streaming
-    assert flight.sought == []
+    assert flight.requested == []
     flight.see(**NO_FAILSAFE)  # PX4 returns to its former mode by itself
     for _ in range(5):
         flight.tick(1.0)
-        assert flight.sought == []
+        assert flight.requested == []
     flight.order(INSPECTION)
     assert flight.state == "planning"
 
@@ -251,7 +251,7 @@ def test_a_failsafe_between_an_order_and_its_plan_releases():
 
 def test_a_failsafe_while_the_next_target_is_planned_releases():
     flight = story(S.AT_TARGET).tick(6.0)
-    assert flight.sought == [LAST]
+    assert flight.requested == [LAST]
     flight.change(**FAILSAFE)
     flight.plan_found()
     flight.tick()

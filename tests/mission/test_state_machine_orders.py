@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.mission.state_machine import restarted
-from moar_companion.mission.values import Do, Order
+from moar_companion.mission.values import FlightEffect, Order
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
 
 from .stories import (
@@ -102,7 +102,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
     ours = [verdict for number, verdict in flight.answers if number == flight.last_id]
     assert ours == ([answer] if answer else [])
     assert flight.last_setpoint is last_setpoint
-    assert bool(flight.sought) is (not answer)
+    assert bool(flight.requested) is (not answer)
     # Where the stream ends, a last setpoint is sent.
     if state in STREAMING and not flight.streaming:
         assert flight.last_setpoint
@@ -120,7 +120,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
 def test_a_mission_is_rejected_while_a_condition_prevents_its_start(change, reason):
     flight = story(S.IDLE).see(**change)
     flight.order(INSPECTION)
-    assert (flight.state, flight.sought) == ("idle", [])
+    assert (flight.state, flight.requested) == ("idle", [])
     assert flight.answers == [(1, "temporarily rejected")]
     assert reason in flight.reasons[0]
 
@@ -150,7 +150,7 @@ def test_a_second_order_while_a_plan_is_made_cancels_the_first(state):
     first = flight.last_id
     flight.order(EVACUATION)
     assert flight.answers == [(first, "cancelled")]
-    assert flight.sought == [EVACUATION]
+    assert flight.requested == [EVACUATION]
     flight.plan_found()
     assert flight.answers == [(first + 1, "accepted")]
     assert flight.status.task == EVACUATION
@@ -194,20 +194,20 @@ def test_ready_expires_only_by_a_mode_received_after_the_deadline():
 def test_a_hold_while_ready_keeps_streaming_and_holds_when_the_mode_is_given():
     flight = story(S.READY).order(Order.HOLD)
     assert (flight.state, flight.answers) == ("ready", [(2, "accepted")])
-    assert Do.BRAKE in flight.effects
+    assert FlightEffect.BRAKE in flight.effects
     assert flight.said == ["MOAR: ready to hold"]
     flight.see(mode_ours=True)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
     flight.tick(60.0)
     assert flight.state == "holding"
     flight.order(Order.CONTINUE)
-    assert flight.sought == [INSPECTION]
+    assert flight.requested == [INSPECTION]
     assert flight.plan_found().state == "flying"
 
 
 def test_a_hold_while_ready_is_continued_before_the_mode_is_given():
     flight = story(S.READY).order(Order.HOLD).order(Order.CONTINUE)
-    assert (flight.state, flight.sought, flight.answers) == ("ready", [INSPECTION], [])
+    assert (flight.state, flight.requested, flight.answers) == ("ready", [INSPECTION], [])
     flight.plan_found()
     assert (flight.state, flight.answers) == ("ready", [(3, "accepted")])
     assert flight.see(mode_ours=True).state == "flying"
@@ -223,7 +223,7 @@ def test_a_hold_while_ready_expires_after_the_same_time():
 def test_a_mission_ordered_while_ready_is_planned_while_the_stream_goes_on():
     flight = story(S.READY).tick(20.0)
     flight.order(EXIT)
-    assert (flight.state, flight.sought) == ("ready", [EXIT])
+    assert (flight.state, flight.requested) == ("ready", [EXIT])
     flight.plan_found()
     assert (flight.state, flight.status.task, flight.answers) == ("ready", EXIT, [(2, "accepted")])
     flight.tick(29.0)  # ready again
@@ -288,7 +288,7 @@ def test_a_resumable_mission_outlives_an_order_that_is_not_flown(begun, ends, or
     ends(flight)
     assert flight.state == "idle"
     flight.order(Order.CONTINUE)
-    assert (flight.state, flight.sought) == ("planning", [INSPECTION])
+    assert (flight.state, flight.requested) == ("planning", [INSPECTION])
     flight.plan_found()
     assert (flight.state, flight.status.task) == ("ready", INSPECTION)
 
@@ -300,7 +300,7 @@ def test_a_resumable_mission_outlives_a_mode_that_is_not_given(begun):
     flight.tick(31.0)
     assert (flight.state, flight.status.task) == ("idle", INSPECTION)
     flight.order(Order.CONTINUE)
-    assert (flight.state, flight.sought) == ("planning", [INSPECTION])
+    assert (flight.state, flight.requested) == ("planning", [INSPECTION])
 
 
 @pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
@@ -334,11 +334,11 @@ def test_a_hold_brakes_and_a_continue_plans_the_rest_of_the_mission():
     flight = story(S.FLYING)
     flight.order(Order.HOLD)
     assert flight.state == "holding"
-    assert Do.BRAKE in flight.effects
+    assert FlightEffect.BRAKE in flight.effects
     flight.tick(600.0)
     assert flight.state == "holding"
     flight.order(Order.CONTINUE)
-    assert (flight.state, flight.sought, flight.answers) == ("holding", [INSPECTION], [])
+    assert (flight.state, flight.requested, flight.answers) == ("holding", [INSPECTION], [])
     flight.plan_found()
     assert (flight.state, flight.answers) == ("flying", [(3, "accepted")])
 
@@ -361,16 +361,16 @@ def test_in_flight_a_mission_without_a_plan_is_denied_and_the_flown_one_continue
     assert flight.reasons == ["no landing point can be seen"]
     assert flight.status.state is state
     assert flight.status.task == task
-    assert flight.status.sought is None
+    assert flight.status.requested is None
 
 
 def test_a_next_target_without_a_plan_is_a_hold_and_planned_again_on_continue():
     flight = story(S.AT_TARGET).tick(6.0)
-    assert flight.sought == [LAST]
+    assert flight.requested == [LAST]
     flight.plan_failed()
     assert (flight.state, flight.answers) == ("holding", [])
     flight.order(Order.CONTINUE)
-    assert flight.sought == [LAST]
+    assert flight.requested == [LAST]
     flight.plan_found()
     assert flight.state == "flying"
 
@@ -380,7 +380,7 @@ def test_an_order_denied_during_the_dwell_keeps_the_next_target():
     flight.order(EVACUATION)
     flight.plan_failed()
     flight.tick(6.0)
-    assert (flight.state, flight.sought) == ("at_target", [LAST])
+    assert (flight.state, flight.requested) == ("at_target", [LAST])
 
 
 @pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG, S.HOLDING])
@@ -413,7 +413,11 @@ def test_an_order_cancelled_in_flight_changes_nothing():
     flight = story(S.FLYING)
     flight.order(EXIT)
     flight.take_back()
-    assert (flight.state, flight.status.task, flight.status.sought) == ("flying", INSPECTION, None)
+    assert (flight.state, flight.status.task, flight.status.requested) == (
+        "flying",
+        INSPECTION,
+        None,
+    )
     assert flight.plan_found().status.task == INSPECTION
 
 
@@ -422,4 +426,4 @@ def test_only_the_awaited_order_can_be_cancelled():
     flight.order(EXIT)
     flight.order(EVACUATION)
     flight.take_back(2)
-    assert flight.status.sought == EVACUATION
+    assert flight.status.requested == EVACUATION

@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from moar_companion.mission.values import Answer, Order, Seek
+from moar_companion.mission.values import Answer, Order, RequestPlan
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.safety.condition_types import Action, Causes, Override
 from moar_companion.safety.conditions import CONDITIONS
@@ -60,13 +60,13 @@ class Events(RuleBasedStateMachine):
         if status.state in IN_CONTROL and ruling.action is Action.HOLD:
             assert status.state is MissionState.HOLDING
         if status.state in IN_CONTROL and ruling.action in {Action.EXIT, Action.EVACUATION}:
-            task = status.sought or status.task
+            task = status.requested or status.task
             outward = task.flown or task.mission is not Mission.INSPECTION
             assert outward or status.state is MissionState.HOLDING
 
     def _commanded(self):
         """True if an operator's order is being planned; an active failsafe then counts as known."""
-        if any(isinstance(effect, Seek) for effect in self.story.effects):
+        if any(isinstance(effect, RequestPlan) for effect in self.story.effects):
             self.failsafe_known = self.story.causes.failsafe_took_mode is not None
             self.failsafe_new = False
             return True
@@ -155,7 +155,7 @@ class Events(RuleBasedStateMachine):
         status = self.story.status
         assert self.open_orders == (set() if status.order_id is None else {status.order_id})
         if status.state is MissionState.PLANNING:
-            assert status.sought is not None
+            assert status.requested is not None
         if status.state in STREAMING:
             assert status.task is not None
         if status.hold_ordered:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission.values import Do, Order, Task
+from moar_companion.mission.values import FlightEffect, Order, Task
 from moar_companion.mission_states import MissionState
 from moar_companion.types import Mission
 
@@ -65,7 +65,7 @@ def test_a_landing_by_the_pilot_ends_overridden():
     flight = story(S.OVERRIDDEN, resume=True).see(**ON_THE_GROUND)
     assert flight.state == "idle"
     flight.see(**IN_THE_AIR, mode_ours=True)  # the next flight, days later
-    assert (flight.state, flight.sought) == ("idle", [])
+    assert (flight.state, flight.requested) == ("idle", [])
 
 
 @pytest.mark.parametrize("resume", [True, False])
@@ -82,19 +82,19 @@ def test_a_failsafe_overridden_by_an_order_ends_the_resume_when_the_mode_is_lost
     flight.see(mode_ours=False).tick()
     assert flight.state == "released"
     flight.see(mode_ours=True).tick(1.0)
-    assert (flight.state, flight.sought) == ("released", [])
+    assert (flight.state, flight.requested) == ("released", [])
 
 
 def test_a_mission_held_by_an_operator_is_not_resumed():
     flight = story(S.HOLDING, resume=True).see(mode_ours=False).see(mode_ours=True)
-    assert (flight.state, flight.sought) == ("overridden", [])
+    assert (flight.state, flight.requested) == ("overridden", [])
 
 
 def test_a_finished_mission_is_not_resumed():
     flight = story(S.AT_TARGET, LAST, resume=True).tick(6.0)
     assert (flight.state, flight.status.task.done) == ("holding", True)
     flight.see(mode_ours=False).see(mode_ours=True)
-    assert (flight.state, flight.sought) == ("overridden", [])
+    assert (flight.state, flight.requested) == ("overridden", [])
 
 
 @pytest.mark.parametrize("task", [EXIT, EVACUATION])
@@ -140,33 +140,33 @@ def test_a_hold_of_the_supervisor_brakes_and_resumes_by_itself(state):
         "holding",
         ["MOAR: wind 13.2 m/s > 12, holding"],
     )
-    assert Do.BRAKE in flight.effects
+    assert FlightEffect.BRAKE in flight.effects
     flight.tick(60.0)
     assert (flight.state, flight.effects) == ("holding", [])
     flight.see(wind=None).tick(4.9)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
     flight.tick(0.2)
-    assert (flight.state, flight.sought) == ("holding", [task])
+    assert (flight.state, flight.requested) == ("holding", [task])
     flight.plan_found()
     assert (flight.state, flight.status.task) == ("flying", task)
 
 
 def test_a_hold_of_the_supervisor_without_a_path_to_resume_waits_for_an_operator():
     flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
-    assert flight.sought == [INSPECTION]
+    assert flight.requested == [INSPECTION]
     flight.plan_failed()
     assert flight.said[-1] == "MOAR: no free path leads there, holding"
     for _ in range(20):
         flight.tick(1.0)
-        assert (flight.state, flight.sought) == ("holding", [])
+        assert (flight.state, flight.requested) == ("holding", [])
 
 
 def test_an_escape_route_that_cannot_resume_is_planned_again():
     task = Task(mission=Mission.EXIT)
     flight = any_story(S.FLYING, task).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     for _ in range(5):
-        assert flight.sought == [task]
-        assert flight.plan_failed(failed=True).tick(1.0).sought == []
+        assert flight.requested == [task]
+        assert flight.plan_failed(failed=True).tick(1.0).requested == []
         flight.tick(1.1)
     assert flight.plan_found().state == "flying"
     assert not flight.status.resumes
@@ -175,23 +175,23 @@ def test_an_escape_route_that_cannot_resume_is_planned_again():
 def test_wind_that_returns_during_the_resume_holds_again_and_then_resumes():
     flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     flight.see(**WIND).tick(3.1)
-    assert (flight.state, flight.status.sought) == ("holding", None)
+    assert (flight.state, flight.status.requested) == ("holding", None)
     assert flight.plan_found().state == "holding"
     flight.see(wind=None).tick(5.1)
-    assert flight.sought == [INSPECTION]
+    assert flight.requested == [INSPECTION]
 
 
 def test_an_operators_hold_outlasts_the_supervisors():
     flight = story(S.FLYING).see(**WIND).tick(3.1).order(Order.HOLD)
     flight.see(wind=None).tick(60.0)
-    assert (flight.state, flight.sought) == ("holding", [])
-    assert flight.order(Order.CONTINUE).sought == [INSPECTION]
+    assert (flight.state, flight.requested) == ("holding", [])
+    assert flight.order(Order.CONTINUE).requested == [INSPECTION]
 
 
 def test_a_finished_mission_does_not_resume_after_a_hold():
     flight = story(S.AT_TARGET, LAST).tick(6.0)
     flight.see(**WIND).tick(3.1).see(wind=None).tick(60.0)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
 
 
 def test_an_order_being_planned_fails_with_the_reason_of_the_hold():
@@ -212,7 +212,7 @@ def test_an_order_that_is_not_flown_keeps_the_held_mission_resumable(end):
         flight.see(wind=None).tick(5.1).see(**WIND).tick(3.1)
         assert flight.answers == [(2, "failed")]
     assert flight.state == "holding"
-    assert flight.see(wind=None).tick(5.1).sought == [INSPECTION]
+    assert flight.see(wind=None).tick(5.1).requested == [INSPECTION]
     assert flight.plan_found().state == "flying"
 
 
@@ -220,8 +220,8 @@ def test_a_hold_ordered_while_ready_outlasts_the_supervisors_hold_at_the_mode():
     flight = story(S.READY).order(Order.HOLD).see(no_clearance="no room here", mode_ours=True)
     assert flight.state == "holding"
     flight.see(no_clearance=None).tick(60.0)
-    assert (flight.state, flight.sought) == ("holding", [])
-    assert flight.order(Order.CONTINUE).sought == [INSPECTION]
+    assert (flight.state, flight.requested) == ("holding", [])
+    assert flight.order(Order.CONTINUE).requested == [INSPECTION]
 
 
 def test_a_mode_given_under_a_hold_condition_is_a_hold():
@@ -229,7 +229,7 @@ def test_a_mode_given_under_a_hold_condition_is_a_hold():
     flight.see(mode_ours=True).tick(0.2)
     assert flight.state == "holding"
     flight.see(wind=None).tick(5.1)
-    assert flight.sought == [INSPECTION]
+    assert flight.requested == [INSPECTION]
 
 
 @pytest.mark.parametrize("state", [S.PLANNING, S.READY])
@@ -249,13 +249,13 @@ def test_an_escape_route_that_the_supervisor_requests_stays_ready(state):
 @pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.HOLDING])
 def test_a_low_battery_starts_an_exit_and_a_critical_one_an_evacuation(state):
     flight = any_story(state).see(**RESERVE).tick(3.1)
-    assert [task.mission for task in flight.sought] == [Mission.EXIT]
+    assert [task.mission for task in flight.requested] == [Mission.EXIT]
     flight.tick(5.0)
-    assert flight.sought == []  # once
+    assert flight.requested == []  # once
     flight.plan_found().see(arrived=False)
     assert (flight.state, flight.status.task.mission) == ("flying", Mission.EXIT)
     flight.see(**CRITICAL).tick(1.1)
-    assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+    assert [task.mission for task in flight.requested] == [Mission.EVACUATION]
     flight.plan_found().see(battery_reserve=None, battery_critical=None).tick(60.0)
     assert (flight.state, flight.status.task.mission) == ("flying", Mission.EVACUATION)
 
@@ -263,9 +263,9 @@ def test_a_low_battery_starts_an_exit_and_a_critical_one_an_evacuation(state):
 def test_without_an_escape_route_the_machine_holds_and_replans_every_two_seconds():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1)
     for _ in range(5):
-        assert [task.mission for task in flight.sought] == [Mission.EXIT]
+        assert [task.mission for task in flight.requested] == [Mission.EXIT]
         flight.plan_failed().tick()
-        assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+        assert [task.mission for task in flight.requested] == [Mission.EVACUATION]
         flight.plan_failed().tick()
         assert flight.state == "holding"
         flight.tick(1.9)
@@ -279,9 +279,9 @@ def test_after_a_planner_failure_the_same_escape_route_is_planned_again():
     flight.plan_failed("no plan in 5 s", failed=True)
     assert flight.said == ["MOAR: no plan in 5 s, no exit"]
     flight.tick(1.9)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
     flight.tick(0.1)
-    assert [task.mission for task in flight.sought] == [Mission.EXIT]
+    assert [task.mission for task in flight.requested] == [Mission.EXIT]
     assert flight.plan_found().state == "flying"
 
 
@@ -289,7 +289,7 @@ def test_after_a_planner_failure_the_same_escape_route_is_planned_again():
 def test_a_flown_exit_continues_where_no_evacuation_is_found(failed):
     flight = story(S.FLYING, EXIT).see(**CRITICAL).tick(1.1)
     for _ in range(3):
-        assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+        assert [task.mission for task in flight.requested] == [Mission.EVACUATION]
         flight.plan_failed(failed=failed)
         for _ in range(19):
             flight.tick(0.1)
@@ -300,14 +300,14 @@ def test_a_flown_exit_continues_where_no_evacuation_is_found(failed):
 @pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.HOLDING])
 def test_without_an_evacuation_an_exit_is_flown(state):
     flight = any_story(state).see(**CRITICAL).tick(1.1)
-    assert flight.sought == [Task(mission=Mission.EVACUATION)]
+    assert flight.requested == [Task(mission=Mission.EVACUATION)]
     flight.plan_failed().tick()
-    assert (flight.sought, flight.said) == ([EXIT], ["MOAR: battery 0 is critical, exiting"])
+    assert (flight.requested, flight.said) == ([EXIT], ["MOAR: battery 0 is critical, exiting"])
     for _ in range(30):
         assert flight.tick(0.1).effects == []  # the plan is awaited
     assert flight.plan_found().state == "flying"
     assert flight.status.task == EXIT
-    assert flight.tick().sought == [
+    assert flight.tick().requested == [
         Task(mission=Mission.EVACUATION)
     ]  # an evacuation may be possible now
 
@@ -324,8 +324,8 @@ def an_exit_held(state, held):
 def test_a_held_exit_resumes_where_no_evacuation_is_found(held, failed):
     flight = an_exit_held(S.FLYING, held)
     task = flight.status.task
-    assert flight.sought == [Task(mission=Mission.EVACUATION)]
-    assert flight.plan_failed(failed=failed).tick().sought == [task]
+    assert flight.requested == [Task(mission=Mission.EVACUATION)]
+    assert flight.plan_failed(failed=failed).tick().requested == [task]
     flight.plan_found().tick()
     assert (flight.status.state, flight.status.task) == (S.FLYING, task)
 
@@ -334,7 +334,7 @@ def test_a_held_exit_resumes_where_no_evacuation_is_found(held, failed):
 def test_a_held_landing_leg_resumes_before_an_evacuation_is_planned(held):
     flight = an_exit_held(S.LANDING_LEG, held)
     task = flight.status.task
-    assert flight.sought == [task]
+    assert flight.requested == [task]
     flight.plan_found().see(on_leg=True).tick()
     assert (flight.status.state, flight.status.task) == (S.LANDING_LEG, task)
 
@@ -352,21 +352,21 @@ def test_an_escape_route_without_a_path_is_replaced_by_the_next_one(state):
     assert flight.effects == []
     flight.strand()
     for task in (Task(mission=Mission.EVACUATION), EXIT):  # any landing point first
-        assert flight.tick().sought == [task]
+        assert flight.tick().requested == [task]
         flight.plan_failed()
     for _ in range(19):
         flight.tick(0.1).strand()  # the flight itself tries to resume
         assert (flight.status.state, flight.effects) == (state, [])
     assert flight.tick(0.2).effects == []
-    assert flight.strand().tick().sought == [Task(mission=Mission.EVACUATION)]
+    assert flight.strand().tick().requested == [Task(mission=Mission.EVACUATION)]
     flight.plan_found().tick()
-    assert (flight.status.task.landing, flight.sought) == (None, [])
+    assert (flight.status.task.landing, flight.requested) == (None, [])
 
 
 def test_an_escape_route_no_longer_needed_is_no_longer_planned():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1).plan_failed().tick().plan_failed().tick()
     flight.see(battery_reserve=None).tick(10.0).tick(60.0)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
 
 
 @pytest.mark.parametrize("order", [EXIT, Order.HOLD])
@@ -377,7 +377,7 @@ def test_an_operator_informed_of_the_condition_overrides_the_escape_route(order)
         assert flight.plan_found().answers == [(2, "accepted")]
     for _ in range(20):
         flight.tick(1.0)
-        assert flight.sought == []
+        assert flight.requested == []
     assert flight.state == ("flying" if order is EXIT else "holding")
     flight.order(INSPECTION)
     assert flight.reasons == ["battery 0 is critical"]
@@ -387,15 +387,15 @@ def test_an_operator_informed_of_the_condition_overrides_the_escape_route(order)
 def test_an_order_that_is_not_flown_overrides_no_condition(end):
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).tick(KNOWN_S).order(EXIT)
     for _ in range(5):
-        assert flight.tick().sought == []  # the operator is informed of the battery
+        assert flight.tick().requested == []  # the operator is informed of the battery
     flight = flight.plan_failed() if end == "denied" else flight.take_back()
-    assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
+    assert [task.mission for task in flight.tick().requested] == [Mission.EVACUATION]
 
 
 def test_a_hold_just_as_the_escape_route_begins_does_not_override_it():
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().order(Order.HOLD)
     assert (flight.state, flight.answers) == ("holding", [(2, "accepted")])
-    assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
+    assert [task.mission for task in flight.tick().requested] == [Mission.EVACUATION]
 
 
 @pytest.mark.parametrize("order", [EXIT, INSPECTION, Order.CONTINUE])
@@ -415,10 +415,10 @@ def test_a_condition_that_begins_during_planning_is_not_overridden_by_the_order(
     assert flight.see(**CRITICAL).answers == []
     flight.tick(1.1)  # active again
     assert flight.answers == [(2, "failed")]
-    assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+    assert [task.mission for task in flight.requested] == [Mission.EVACUATION]
 
 
 def test_above_the_landing_point_no_escape_route_is_planned():
     flight = story(S.LANDING_LEG, EXIT).see(arrived=True)
     flight.see(**CRITICAL).tick(2.0)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])

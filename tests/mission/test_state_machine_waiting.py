@@ -29,10 +29,10 @@ def test_the_next_target_waits_until_there_is_room():
     assert (flight.state, rest.stops) == ("holding", INSPECTION.stops[1:])
     assert flight.said_then[-1].endswith(", holding")
     flight.tick(60.0)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
     flight.see(no_clearance=None).tick(0.9)
-    assert flight.sought == []
-    assert flight.tick(0.2).sought == [rest]
+    assert flight.requested == []
+    assert flight.tick(0.2).requested == [rest]
     assert flight.plan_found().state == "flying"
 
 
@@ -43,13 +43,13 @@ def test_a_held_escape_route_waits_until_there_is_room(way):
     assert flight.said_then[-1].endswith(", holding")
     assert (flight.state, flight.status.no_path) == ("holding", frozenset())
     flight.see(no_clearance=None).tick(1.1)
-    assert flight.sought == [way]
+    assert flight.requested == [way]
 
 
 def test_a_hold_ordered_during_the_wait_does_not_resume():
     flight = no_room(story(S.AT_TARGET).tick(6.0))
     flight.order(Order.HOLD).see(no_clearance=None).tick(60.0)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
 
 
 def test_an_order_without_room_is_denied_and_does_not_wait():
@@ -57,14 +57,14 @@ def test_an_order_without_room_is_denied_and_does_not_wait():
     flight.order(EXIT)
     no_room(flight)
     flight.see(no_clearance=None).tick(60.0)
-    assert (flight.state, flight.sought) == ("holding", [])
+    assert (flight.state, flight.requested) == ("holding", [])
 
 
 def test_without_a_reported_condition_the_target_is_planned_once_a_second():
     flight = story(S.AT_TARGET).tick(6.0)
     count = 0
     for _ in range(500):
-        if flight.status.sought is not None:
+        if flight.status.requested is not None:
             count += 1
             flight._took(
                 state_machine.unplanned(flight.status, "no room", flight.now_s, waits=True)

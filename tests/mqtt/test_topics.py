@@ -85,9 +85,9 @@ def test_a_number_that_is_not_finite_becomes_null_or_costs_its_topic_alone(place
         part, key = numbers[place % len(numbers)]
         part[key] = value
     publication = Publication("a1")
-    told = published(status, publication)
-    assert set(told) | set(publication.unfit) == {topic.name for topic in TOPICS}
-    for message in told.values():
+    reported = published(status, publication)
+    assert set(reported) | set(publication.unfit) == {topic.name for topic in TOPICS}
+    for message in reported.values():
         strict(message.payload)
 
 

@@ -56,7 +56,7 @@ def all_of(pipe):
 def test_lines_logged_before_the_end_are_written_after_any_error(error, pipe):
     def say():
         with log_to(pipe.writing):
-            logger.debug("not told")
+            logger.debug("not reported")
             for number in range(1000):
                 logger.info("number %d", number)
             logger.warning("the end")

@@ -46,7 +46,7 @@ def test_each_level_of_risk_has_the_plan_of_its_weights(planner, mission):
 
 def test_risk_moves_the_path(planner):
     request = planner.plan(mission="inspection", target="splice-inner").request
-    plans = alternatives(planner, request, FLOWN.rule(Mission.INSPECTION))
+    plans = alternatives(planner, request, FLOWN.adaptation_of(Mission.INSPECTION))
     assert not all(same_path(plans[0], plan) for plan in plans)
     by_risk = {plan.request.risk: plan for plan in plans}
     safe = by_risk[RiskIndices(wind=0.5)]
@@ -56,7 +56,7 @@ def test_risk_moves_the_path(planner):
 
 def test_a_problem_without_a_plan_has_none_under_any_risk(planner):
     request = planner.plan(mission="exit", start=(-5.0, 2.0)).request
-    plans = alternatives(planner, request, FLOWN.rule(Mission.EXIT))
+    plans = alternatives(planner, request, FLOWN.adaptation_of(Mission.EXIT))
     assert {plan.status.value for plan in plans} == {"out_of_bounds"}
 
 

@@ -7,7 +7,7 @@ import pytest
 from moar_companion import autopilots
 from moar_companion.config import Supervision
 from moar_companion.mavlink.identity import Autopilot
-from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
+from moar_companion.preflight.aircraft import Arrivals, ReceivedData, aircraft_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.safety.check_inputs import CheckInputs
@@ -54,7 +54,7 @@ def findings(
     received = Telemetry(autopilot=status, **telemetry)
     unknown = RiskEstimate.unknown(vehicle.risk)
     risk = update(unknown, received, 6.0, model=vehicle.risk, cruise_mps=5.0)
-    sight = Sight(
+    received = ReceivedData(
         autopilot=Autopilot(system_id=1, component_id=1, kind=kind, link="serial"),
         status=status,
         others=(),
@@ -70,7 +70,9 @@ def findings(
             6.0,
         ),
     )
-    return {item.subject: item for item in aircraft_findings(sight, vehicle, None, Supervision())}
+    return {
+        item.subject: item for item in aircraft_findings(received, vehicle, None, Supervision())
+    }
 
 
 def test_an_aircraft_that_sends_only_heartbeats_never_passes():

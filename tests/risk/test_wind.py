@@ -283,9 +283,9 @@ def test_low_motor_outputs_alone_do_not_mean_calm(new_flight, healthy):
     ("model", "reported", "share"),
     [
         pytest.param(RiskModel(), (None, None), 0.8, id="as usual"),
-        pytest.param(RiskModel(), (1100.0, 1900.0), 0.875, id="told by parameters"),
-        pytest.param(RiskModel(), (1100.0, None), 0.8, id="half told"),
-        pytest.param(RiskModel(), (1900.0, 1100.0), 0.8, id="told the wrong way round"),
+        pytest.param(RiskModel(), (1100.0, 1900.0), 0.875, id="reported by parameters"),
+        pytest.param(RiskModel(), (1100.0, None), 0.8, id="half reported"),
+        pytest.param(RiskModel(), (1900.0, 1100.0), 0.8, id="reported the wrong way round"),
         pytest.param(
             RiskModel(motor_pulse_us=Range(low=0.0, high=2000.0)),
             (1100.0, 1900.0),

@@ -139,7 +139,7 @@ HOVERING = replace(
 """Healthy too, before control is given."""
 
 
-def told(seen=IN_FLIGHT, **changes):
+def with_telemetry(seen=IN_FLIGHT, **changes):
     """Inputs with changed telemetry."""
     return replace(seen, telemetry=replace(seen.telemetry, **changes))
 
@@ -147,15 +147,17 @@ def told(seen=IN_FLIGHT, **changes):
 def flies(seen=IN_FLIGHT, failsafes=(), **changes):
     """Inputs with another autopilot status; failsafes: reported by texts."""
     autopilot = replace(seen.telemetry.autopilot, **changes)
-    return told(seen, autopilot=autopilot, failsafes_reported=dict.fromkeys(failsafes, 0.0))
+    return with_telemetry(
+        seen, autopilot=autopilot, failsafes_reported=dict.fromkeys(failsafes, 0.0)
+    )
 
 
 def drains(**changes):
-    return told(batteries={0: replace(BATTERY, **changes)})
+    return with_telemetry(batteries={0: replace(BATTERY, **changes)})
 
 
 def receives(**changes):
-    return told(gnss=replace(GNSS, **changes))
+    return with_telemetry(gnss=replace(GNSS, **changes))
 
 
 def uncertain(estimator_m, odometry_m, gnss_m, last=(), heights_m=(None, None, None)):

@@ -27,8 +27,8 @@ from .seen import (
     flies,
     found,
     risk,
-    told,
     wind,
+    with_telemetry,
 )
 from .test_checks_of_place import STORIES as OF_PLACE
 
@@ -52,7 +52,7 @@ STORIES = [
     ("all is well before control", HOVERING, {}),
     (
         "no autopilot",
-        told(autopilot=None),
+        with_telemetry(autopilot=None),
         {
             "autopilot_identity": "no autopilot is received",
             "autopilot_link_lost": "no heartbeat is received",
@@ -86,13 +86,13 @@ STORIES = [
     ),
     ("an armed state 15 s old", flies(armed_s=85.0), {}),
     (
-        "an older one, though the mode is told",
+        "an older one, though the mode is reported",
         flies(armed_s=84.9),
         {"mode_unconfirmed": "armed state unknown for 15.1 s"},
     ),
     (
         "no position",
-        told(local_position=None),
+        with_telemetry(local_position=None),
         {"position": "no local position is received"},
     ),
     ("a position 0.5 s old", replace(IN_FLIGHT, position_moved_s=99.5), {}),
@@ -106,15 +106,15 @@ STORIES = [
         replace(IN_FLIGHT, position_moved_s=99.4, host=Host(read_late_s=0.3)),
         {"position": "position read late 0.6 s > 0.5"},
     ),
-    ("no attitude", told(attitude=None), {"attitude": "the attitude is unknown"}),
+    ("no attitude", with_telemetry(attitude=None), {"attitude": "the attitude is unknown"}),
     (
         "an attitude 1 s old",
-        told(attitude=replace(TELEMETRY.attitude, received_s=99.0)),
+        with_telemetry(attitude=replace(TELEMETRY.attitude, received_s=99.0)),
         {},
     ),
     (
         "an older one",
-        told(attitude=replace(TELEMETRY.attitude, received_s=98.99)),
+        with_telemetry(attitude=replace(TELEMETRY.attitude, received_s=98.99)),
         {"attitude": "the attitude is unknown"},
     ),
     (
@@ -181,7 +181,7 @@ STORIES = [
     ),
     (
         "a second failsafe with the landing",
-        told(
+        with_telemetry(
             lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
             failsafes_reported={Failsafe.BATTERY: 90.1},
         ),
@@ -200,28 +200,28 @@ STORIES = [
     ),
     (
         "landed",
-        told(landed=Landed(received_s=NOW_S, state=LandedState.ON_GROUND)),
+        with_telemetry(landed=Landed(received_s=NOW_S, state=LandedState.ON_GROUND)),
         {"ground": "on the ground"},
     ),
-    ("a landed state that is unknown in flight", told(landed=None), {}),
+    ("a landed state that is unknown in flight", with_telemetry(landed=None), {}),
     (
         "a landed state that is unknown before",
-        told(HOVERING, landed=None),
+        with_telemetry(HOVERING, landed=None),
         {"not_flying": "not in the air"},
     ),
     (
         "a landed state 5 s old",
-        told(HOVERING, landed=replace(TELEMETRY.landed, received_s=95.0)),
+        with_telemetry(HOVERING, landed=replace(TELEMETRY.landed, received_s=95.0)),
         {},
     ),
     (
         "an older one",
-        told(HOVERING, landed=replace(TELEMETRY.landed, received_s=94.9)),
+        with_telemetry(HOVERING, landed=replace(TELEMETRY.landed, received_s=94.9)),
         {"not_flying": "not in the air"},
     ),
     (
         "taking off",
-        told(HOVERING, landed=Landed(received_s=NOW_S, state=LandedState.TAKEOFF)),
+        with_telemetry(HOVERING, landed=Landed(received_s=NOW_S, state=LandedState.TAKEOFF)),
         {"not_flying": "not in the air"},
     ),
     (
@@ -248,7 +248,7 @@ STORIES = [
     ("a battery whose monitor is unhealthy", drains(charge_state=6), {}),
     (
         "the second battery",
-        told(batteries={0: BATTERY, 1: replace(BATTERY, charge_state=4)}),
+        with_telemetry(batteries={0: BATTERY, 1: replace(BATTERY, charge_state=4)}),
         {"battery_critical": "battery 1 is critical"},
     ),
     ("a battery above its reserve", drains(remaining=0.21), {}),
@@ -268,7 +268,7 @@ STORIES = [
         {"battery_reserve": "battery 0 at 10% <= 20%"},
     ),
     (
-        "a battery of which nothing is told but its voltage",
+        "a battery of which nothing is reported but its voltage",
         drains(remaining=None, charge_state=None),
         {"unmonitored": "unknown: battery"},
     ),
@@ -281,7 +281,7 @@ STORIES = [
             "unmonitored": "unknown: battery",
         },
     ),
-    ("no battery", told(batteries={}), {"unmonitored": "unknown: battery"}),
+    ("no battery", with_telemetry(batteries={}), {"unmonitored": "unknown: battery"}),
     ("a battery 15 s silent", drains(received_s=85.0), {}),
     (
         "silent for longer",
@@ -293,14 +293,14 @@ STORIES = [
     ),
     (
         "one of two silent",
-        told(batteries={0: BATTERY, 1: replace(BATTERY, received_s=80.0)}),
+        with_telemetry(batteries={0: BATTERY, 1: replace(BATTERY, received_s=80.0)}),
         {
             "battery_silent": "battery 1 is silent for 20 s",
             "unmonitored": "unknown: battery",
         },
     ),
     (
-        "a battery that tells its voltage where it told its charge",
+        "a battery that reports its voltage where it reported its charge",
         replace(drains(remaining=None), risk=risk(wind(4.0), charge=0.22)),
         {
             "battery_silent": "battery 0 reports no charge (was 22%)",

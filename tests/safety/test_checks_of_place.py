@@ -24,9 +24,9 @@ from .seen import (
     moves,
     receives,
     risk,
-    told,
     uncertain,
     wind,
+    with_telemetry,
 )
 
 STORIES = [
@@ -110,7 +110,7 @@ STORIES = [
         {},
     ),
     (
-        "an uncertainty that is told no more",
+        "an uncertainty that is reported no more",
         uncertain(None, None, 0.0, last=[accuracy("receiver", 2.4)]),
         {
             "uncertainty": "uncertainty 2.4 m > 2",
@@ -189,17 +189,17 @@ STORIES = [
     ),
     (
         "a ground station 10 s silent",
-        told(ground_station=PeerHeartbeat(received_s=90.0, system_id=255)),
+        with_telemetry(ground_station=PeerHeartbeat(received_s=90.0, system_id=255)),
         {},
     ),
     (
         "silent for longer",
-        told(ground_station=PeerHeartbeat(received_s=89.4, system_id=255)),
+        with_telemetry(ground_station=PeerHeartbeat(received_s=89.4, system_id=255)),
         {"ground_link": "no ground station for 11 s"},
     ),
     (
         "never heard",
-        told(ground_station=None),
+        with_telemetry(ground_station=None),
         {"unmonitored": "unknown: ground station"},
     ),
     (
@@ -315,7 +315,7 @@ STORIES = [
     ),
     (
         "no escape route, and no word of the landed state",
-        replace(told(landed=None), escape_route=None),
+        replace(with_telemetry(landed=None), escape_route=None),
         {"unmonitored": "unknown: escape route"},
     ),
     ("2 m from the plane", moves(position_m=(5.0, -2.0, 5.0)), {}),
@@ -340,14 +340,15 @@ STORIES = [
     (
         "nothing of the aircraft but that it flies",
         replace(
-            told(batteries={}, gnss=None, estimator=None, odometry=None), risk=risk(accuracies=())
+            with_telemetry(batteries={}, gnss=None, estimator=None, odometry=None),
+            risk=risk(accuracies=()),
         ),
         {"unmonitored": "unknown: wind, battery and 1 more (position accuracy)"},
     ),
     (
         "nothing of it on the ground",
         replace(
-            told(
+            with_telemetry(
                 HOVERING,
                 batteries={},
                 landed=Landed(received_s=NOW_S, state=LandedState.ON_GROUND),

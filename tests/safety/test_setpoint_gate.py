@@ -204,7 +204,7 @@ def test_the_distance_from_a_corridor_is_the_least_to_its_points(point, corridor
 def test_a_setpoint_may_jump_only_at_rest_and_towards_a_displaced_aircraft():
     def moved(position, velocity=(0.0, 0.0, 0.0)):
         after = (position, velocity)
-        return motion_refusal(REST, after, 0.02, **LIMITS, blown_to_m=(9.0, 0.0, 5.0))
+        return motion_refusal(REST, after, 0.02, **LIMITS, drifting_at_m=(9.0, 0.0, 5.0))
 
     assert moved((6.0, 0.0, 5.0)) is None
     assert moved((6.0, 0.0, 5.0), (0.5, 0.0, 0.0)).startswith("setpoint jumps")

@@ -30,8 +30,8 @@ def test_in_calm_air_no_manoeuvre_is_reported_as_wind(manner):
     rest = flight.reported[-1].risk
     flight.reported.clear()
     short_manoeuvre(flight)
-    assert max(told.tilt_mps for told in flight.reported) < 1.2
-    assert max(told.risk for told in flight.reported) < rest + 0.1
+    assert max(item.tilt_mps for item in flight.reported) < 1.2
+    assert max(item.risk for item in flight.reported) < rest + 0.1
 
 
 @pytest.mark.slow
@@ -47,7 +47,7 @@ def test_in_calm_air_no_manoeuvre_is_reported_as_wind_with_a_drag_that_is_30_per
     rest = flight.reported[-1].risk
     flight.reported.clear()
     flight.manoeuvre()
-    assert max(told.risk for told in flight.reported) < rest + 0.1
+    assert max(item.risk for item in flight.reported) < rest + 0.1
 
 
 @pytest.mark.slow
@@ -78,5 +78,5 @@ def test_the_reported_wind_has_the_relative_error_of_the_drag(manner, drag):
         flight.run(4.0)
         flight.reported.clear()
         flight.fly_to((8.0 if wind_mps < 5.0 else 0.0, 0.0), 2.0)
-        told = [told.tilt_mps for told in flight.reported]
-        assert sum(told) / len(told) == pytest.approx(wind_mps, rel=error)
+        reported = [item.tilt_mps for item in flight.reported]
+        assert sum(reported) / len(reported) == pytest.approx(wind_mps, rel=error)

@@ -85,9 +85,9 @@ def test_steps_of_the_wall_clock_disturb_neither_the_cycles_nor_the_record(
     clock_began_s = wall_s()
     monkeypatch.setattr(time, "time", stepped)
     messages = serve(received, 2.0, recorder=RecorderSettings(directory=tmp_path))
-    thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
-    assert len(thought_ms) >= 4
-    assert all(400 < later - earlier < 900 for earlier, later in pairwise(sorted(thought_ms)))
+    reported_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert len(reported_ms) >= 4
+    assert all(400 < later - earlier < 900 for earlier, later in pairwise(sorted(reported_ms)))
     (folder,) = tmp_path.iterdir()
     stamps_s = [stamp * 1e-6 for stamp in stamps((folder / "flight.tlog").read_bytes())]
     assert stamps_s == sorted(stamps_s)
@@ -178,15 +178,15 @@ def test_after_a_stall_waiting_packets_are_received_before_any_packet_is_sent(
     assert modes[0].custom_mode == POSCTL
 
 
-@pytest.mark.parametrize(("thought_s", "fed"), [(0.0, True), (0.15, False)])
+@pytest.mark.parametrize(("computed_s", "fed"), [(0.0, True), (0.15, False)])
 def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
-    thought_s, fed, received, tmp_path, monkeypatch
+    computed_s, fed, received, tmp_path, monkeypatch
 ):
     tick, address = Companion.tick, str(tmp_path / "notify")
 
     def slow_tick(self, now_s):
         tick(self, now_s)
-        time.sleep(thought_s)
+        time.sleep(computed_s)
 
     monkeypatch.setattr(Companion, "tick", slow_tick)
     monkeypatch.setenv("NOTIFY_SOCKET", address)
@@ -237,8 +237,8 @@ def test_a_stalled_disk_delays_neither_the_cycles_nor_the_end(
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disks = stop_recordings(monkeypatch)
     messages = serve(received, 2.0, recorder=RecorderSettings(directory=tmp_path))
-    thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
-    assert len(thought_ms) >= 3
+    reported_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert len(reported_ms) >= 3
     assert len(looks) == 2
     answers.set()
     (disk,), (folder,) = disks, tmp_path.iterdir()

@@ -121,7 +121,7 @@ def test_nan_in_a_position_stops_the_autopilot_permanently(hovering):
     hovering.run(6.0)
     heartbeats = hovering.companion.of("HEARTBEAT", since=start_s + 0.1)
     assert not [m for m in heartbeats if m.get_srcSystem() == 1]
-    assert (hovering.truth.mode, hovering.truth.armed) == ("DEAD", False)
+    assert (hovering.truth.mode, hovering.truth.armed) == ("PROCESS ENDED", False)
     assert hovering.truth.on_ground
     assert hovering.mode(hovering.gcs, LOITER) == []
     hovering.vehicle.reboot()

@@ -1,6 +1,6 @@
 """A problem under other levels of risk (paper, Fig. 1b and 8): the change of its path.
 
-Inputs: a planner, a request, the rule of adaptation. Outputs: its plans under `RISK_LEVELS`.
+Inputs: a planner, a request, an adaptation. Outputs: its plans under `RISK_LEVELS`.
 """
 
 from __future__ import annotations
@@ -27,12 +27,16 @@ RISK_LEVELS = (
 of communication and localization do the same, and less than that of the wind."""
 
 
-def alternatives(planner: Planner, request: PlanRequest, rule: Adaptation) -> tuple[Plan, ...]:
-    """The plans of a problem under each of `RISK_LEVELS`, their weights by `rule`.
+def alternatives(
+    planner: Planner, request: PlanRequest, adaptation: Adaptation
+) -> tuple[Plan, ...]:
+    """The plans of a problem under each of `RISK_LEVELS`, their weights by `adaptation`.
 
     Raises InputError as `Planner.plan`.
     """
-    return tuple(planner.solve(replace(request, risk=risk).adapted(rule)) for risk in RISK_LEVELS)
+    return tuple(
+        planner.solve(replace(request, risk=risk).adapted(adaptation)) for risk in RISK_LEVELS
+    )
 
 
 def same_path(plan: Plan, other: Plan) -> bool:

@@ -111,11 +111,11 @@ def front_document(
 
 
 def sensitivity(
-    planner: Planner, plan: Plan, rule: Adaptation
+    planner: Planner, plan: Plan, adaptation: Adaptation
 ) -> dict[str, dict[str, StableRange]]:
     """Ranges of the weights and of the risk indices, by name, about a plan that was found.
 
-    rule: by which the plan's risk made its weights. A weight moves while the others keep their
+    adaptation: makes the plan's weights of its risk. A weight moves while the others keep their
     ratio, a risk index while the others stay. Either way the weights move along a line: a path that
     is best at two places is best between them.
     """
@@ -129,7 +129,7 @@ def sensitivity(
     return {
         "weights": weights,
         "risk": {
-            name: _range(planner, plan, value, partial(_adjusted, rule, risk, name))
+            name: _range(planner, plan, value, partial(_adjusted, adaptation, risk, name))
             for name, value in risk.as_dict().items()
         },
     }
@@ -139,8 +139,8 @@ def _mixed(extreme: FloatArray, others: FloatArray, value: float) -> Weights:
     return Weights.normalised(*(value * extreme + (1.0 - value) * others).tolist())
 
 
-def _adjusted(rule: Adaptation, risk: RiskIndices, name: str, value: float) -> Weights:
-    return rule.weights(RiskIndices(**(risk.as_dict() | {name: value})))
+def _adjusted(adaptation: Adaptation, risk: RiskIndices, name: str, value: float) -> Weights:
+    return adaptation.weights(RiskIndices(**(risk.as_dict() | {name: value})))
 
 
 def _range(

@@ -34,15 +34,15 @@ Judged on setpoints, while the packets are the autopilot's, in any wind and with
   nearer to it at once;
 - begins: a stream begins within 2 m of the aircraft, or where the last one may have come to;
 - stale: the position that the companion received last was sent by the autopilot at most
-  `POSITION_AGE_S` before a setpoint that moves, `LAST_WORD_AGE_S` before one at rest; the mode at
-  most `MODE_AGE_S` before;
+  `POSITION_AGE_S` before a setpoint that moves, `REST_SETPOINT_AGE_S` before one at rest; the
+  mode at most `MODE_AGE_S` before;
 - outside: none is outside the workspace, below the least altitude or more than 2 m off the plane.
   A landing leg may go there, and its rest for `LEFT_LEG_S` until another plan is joined. From
   there, on escape and recovery legs, the setpoint comes nearer and never goes farther away;
 - setpoint_keep_out: none is nearer to an obstacle than the radius and its keep-out. Exception: a
   stream that begins at an aircraft that is there, and does not go deeper;
-- silence: when the mode is taken, the stream ends within `SILENCE_S`, or `TOLD_S` after the first
-  message that reports it, if a bad link makes that later, or when the mode is stale. No
+- silence: when the mode is taken, the stream ends within `SILENCE_S`, or `REPORTED_S` after the
+  first message that reports it, if a bad link makes that later, or when the mode is stale. No
   setpoint comes later without a new order;
 - authority: nothing is armed or disarmed; without `engage` no mode is requested.
 
@@ -58,10 +58,10 @@ GUST_S = 2.0
 LET_GO_S = 5.0
 POSITION_AGE_S = 0.6
 """`position_timeout_s`, a packet's interval, and a cycle."""
-LAST_WORD_AGE_S = 0.8
+REST_SETPOINT_AGE_S = 0.8
 MODE_AGE_S = 3.3
 SILENCE_S = 0.25
-TOLD_S = 0.1
+REPORTED_S = 0.1
 LEFT_LEG_S = 3.0
 """A plan begins beyond where the reference can stop: 1 s at these speeds; and plans may be slow."""
 DEVELOPMENT = range(1, 1_000_001)

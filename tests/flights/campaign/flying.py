@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from moar_companion.config import Authority
-from moar_companion.error_margin import seen_margin
+from moar_companion.error_margin import measured_margin
 from moar_companion.safety.setpoint_gate import distance_m
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic, TrueFrame
@@ -305,8 +305,8 @@ class RandomFlight(Lockstep):
         elif number == packets.ESTIMATOR_STATUS and self.drawn.manner is Manner.PX4:
             self._accuracy_m = max(message.pos_horiz_accuracy, message.pos_vert_accuracy)
         elif number == packets.GPS_RAW_INT and self.drawn.manner is Manner.ARDUPILOT:
-            told = 0 < message.h_acc < NO_FIX_MM
-            self._accuracy_m = message.h_acc / 1e3 if told else self._accuracy_m
+            reported = 0 < message.h_acc < NO_FIX_MM
+            self._accuracy_m = message.h_acc / 1e3 if reported else self._accuracy_m
 
     def _watch(self, packet: bytes) -> None:
         """Requests that no companion may send to an autopilot."""
@@ -467,7 +467,7 @@ class RandomFlight(Lockstep):
         return Record(
             draw=self.drawn,
             vehicle=self.vehicle,
-            margin_m=seen_margin(self.vehicle.autopilot).position_m,
+            margin_m=measured_margin(self.vehicle.autopilot).position_m,
             held_wind_mps=self.held_wind_mps,
             time_s=rows[:, 0],
             true_m=rows[:, 1:4],

@@ -17,13 +17,13 @@ from . import (
     ERROR_FACTOR,
     GUST_MPS,
     GUST_S,
-    LAST_WORD_AGE_S,
     LEFT_LEG_S,
     LET_GO_S,
     MODE_AGE_S,
     POSITION_AGE_S,
+    REPORTED_S,
+    REST_SETPOINT_AGE_S,
     SILENCE_S,
-    TOLD_S,
 )
 from .flying import Record, Sent
 from .kinds import Breaks
@@ -251,8 +251,8 @@ class _Stream:
             speed.diagonal_down_mps,
         )  # fmt: skip
         self._sent = record.sent
-        told = np.array([item.reported_m for item in self._sent]).reshape(-1, 3)
-        self._room = room_m(record.draw.site, told[:, [0, 2]], vehicle.radius_m, keep_out=True)
+        reported = np.array([item.reported_m for item in self._sent]).reshape(-1, 3)
+        self._room = room_m(record.draw.site, reported[:, [0, 2]], vehicle.radius_m, keep_out=True)
         self._away = np.array([self._away_m(item.reported_m) for item in self._sent])
         silent = [state not in STREAMING for state in record.states]
         self._silent_steps = np.concatenate([[0], np.cumsum(silent)])
@@ -357,7 +357,7 @@ class _Stream:
                 if moved_m > allowed_m and moved_m > allowed_m + self._jumped_m(item.time_s):
                     yield index, "step", speed
             age_s = item.position_age_s
-            if age_s > (POSITION_AGE_S if item.moves else LAST_WORD_AGE_S):
+            if age_s > (POSITION_AGE_S if item.moves else REST_SETPOINT_AGE_S):
                 yield index, "stale", age_s
             if item.mode_age_s > MODE_AGE_S:
                 yield index, "stale_mode", item.mode_age_s
@@ -402,7 +402,7 @@ def _silence(record: Record):
         reported_s = min(
             (at_s for at_s in record.taken_reported_s if at_s >= took_s), default=math.inf
         )
-        until_s = max(took_s + SILENCE_S, min(reported_s + TOLD_S, took_s + MODE_AGE_S))
+        until_s = max(took_s + SILENCE_S, min(reported_s + REPORTED_S, took_s + MODE_AGE_S))
         next_s = orders_s[orders_s > took_s - 0.5]
         ordered_s = float(next_s.min()) if len(next_s) else math.inf
         late = sent_s[(sent_s > until_s) & (sent_s < ordered_s)]

@@ -32,7 +32,7 @@ _STOPS = (", holding", ", denied", ", slowing", ", released", ", overridden")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class ReceivedData:
     """The first report of a conductor. from_m: distance of the aircraft from the true one.
 
     off_m: distance of the reported place from the true one, the position's error included.
@@ -53,7 +53,7 @@ class Flight:
     airborne: np.ndarray
     flown_s: float
     why: str
-    sights: tuple[Sight, ...]
+    sights: tuple[ReceivedData, ...]
     texts: list[str]
 
     @property
@@ -144,11 +144,11 @@ def _true_m(drawn: Draw, truths: list[Truth]) -> np.ndarray:
     return np.column_stack((north * cos + east * sin, north * sin - east * cos, -down))
 
 
-def _sights(drawn: Draw, flight: Lockstep, true_m: np.ndarray) -> tuple[Sight, ...]:
+def _sights(drawn: Draw, flight: Lockstep, true_m: np.ndarray) -> tuple[ReceivedData, ...]:
     """The first report of each conductor, by its name."""
     crossings = [(wire, wire.ends()[12]) for wire in drawn.scene.scene.wires]
     times_s = np.array([truth.time_s for truth in flight.truths])
-    sights: dict[str, Sight] = {}
+    sights: dict[str, ReceivedData] = {}
     for report in flight.lidar.reports:
         for seen in report.conductors:
             if seen.name in sights:
@@ -157,7 +157,7 @@ def _sights(drawn: Draw, flight: Lockstep, true_m: np.ndarray) -> tuple[Sight, .
             wire, crossing = min(
                 crossings, key=lambda each: math.dist(each[1][[0, 2]], seen.position_m)
             )
-            sights[seen.name] = Sight(
+            sights[seen.name] = ReceivedData(
                 diameter_m=wire.diameter_m,
                 from_m=math.dist((x_m, z_m), crossing[[0, 2]]),
                 off_m=math.dist(crossing[[0, 2]], seen.position_m),

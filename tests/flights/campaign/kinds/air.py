@@ -91,7 +91,7 @@ def satellites_few(flight, rng):
     return set_conditions(flight, satellites=rng.randint(4, 7), hdop=rng.uniform(1.5, 4.0))
 
 
-@kind("the dilution of precision is 2 to 8, and told")
+@kind("the dilution of precision is 2 to 8, and reported")
 def hdop_worse(flight, rng):
     return set_conditions(flight, hdop=rng.uniform(2.0, 8.0), vdop=rng.uniform(2.0, 8.0))
 
@@ -187,12 +187,12 @@ def battery_drains(flight, rng):
     return set_conditions(flight, drain_factor=rng.uniform(20.0, 60.0))
 
 
-@kind("nothing of the battery is told", lasts_s=(10.0, 40.0))
+@kind("nothing of the battery is reported", lasts_s=(10.0, 40.0))
 def battery_unreported(flight, rng):
     return flight.filter(packets.drop(packets.SYS_STATUS, packets.BATTERY_STATUS))
 
 
-@kind("one motor's output is told as 0 or as full", lasts_s=(3.0, 20.0))
+@kind("one motor's output is reported as 0 or as full", lasts_s=(3.0, 20.0))
 def motor_output_told(flight, rng):
     value, motor = rng.choice((1000, 2000)), rng.randint(1, 4)
     flight.note(motor=motor, value=value)

@@ -77,7 +77,7 @@ def loss_action_changed(flight, rng):
     return set_parameters(flight, GUID_TIMEOUT=rng.uniform(0.2, 8.0))
 
 
-@kind("parameters are not told", lasts_s=(60.0, 60.0))
+@kind("parameters are not reported", lasts_s=(60.0, 60.0))
 def parameters_missing(flight, rng):
     return flight.filter(packets.drop(packets.PARAM_VALUE))
 
@@ -94,17 +94,17 @@ def stream_missing(flight, rng):
     return flight.filter(packets.drop(stream))
 
 
-@kind("no position is told", lasts_s=(0.2, 8.0))
+@kind("no position is reported", lasts_s=(0.2, 8.0))
 def position_missing(flight, rng):
     return flight.filter(packets.drop(packets.LOCAL_POSITION, packets.ODOMETRY))
 
 
-@kind("the position that is told repeats its last words, its clock too", lasts_s=(0.2, 8.0))
+@kind("the position that is reported repeats its last words, its clock too", lasts_s=(0.2, 8.0))
 def position_frozen(flight, rng):
     return flight.filter(packets.freeze(packets.LOCAL_POSITION, packets.ODOMETRY))
 
 
-@kind("the mode is not told", lasts_s=(0.5, 8.0))
+@kind("the mode is not reported", lasts_s=(0.5, 8.0))
 def mode_unreported(flight, rng):
     return flight.filter(packets.drop(packets.HEARTBEAT, packets.CURRENT_MODE))
 
