@@ -130,18 +130,20 @@ class RouteManager:
         if taken is None:
             return None
         awaited, answer = taken
-        if self._is_barred(answer):
+        if self._is_barred(awaited, answer):
             self._plans.ask_again(awaited, self.limits.site_maps, now_s)
             return None
         return taken
 
-    def _is_barred(self, answer: PlanAnswer) -> bool:
-        """True if the maps have changed since a plan was requested, and bar a cell of it."""
-        volume, plan = self.limits.volume, answer.plan
-        if plan is None or volume is None or self._plans.asked_maps is self.limits.site_maps:
+    def _is_barred(self, awaited: Awaited, answer: PlanAnswer) -> bool:
+        """True if the maps have changed since a plan was requested, and bar a cell or leg of it."""
+        flight, volume, plan = self.flight, self.limits.volume, answer.plan
+        if plan is None or flight is None or volume is None:
             return False
-        volume = replace(volume, narrowed_m=answer.narrowed_m)
-        return bool(volume.bars(plan.states[:, :-1]).any())
+        if self._plans.asked_maps is self.limits.site_maps:
+            return False
+        path = replace(flight.path, volume=replace(volume, narrowed_m=answer.narrowed_m))
+        return path.bars(plan, awaited.junction, answer.escape_m)
 
     def ask(
         self,
@@ -206,7 +208,8 @@ class RouteManager:
         if flight is None or plan is None:
             return Adoption.TOO_LATE
         flown = None
-        if not awaited.first and answer.narrowed_m <= flight.path.volume.narrowed_m:
+        barred = self.limits.obstacles_seen and flight.barred_by is not None
+        if not (awaited.first or barred) and answer.narrowed_m <= flight.path.volume.narrowed_m:
             flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
         if flown is not None and self._stays(flown, plan):
             return Adoption.KEPT_PATH

@@ -22,7 +22,7 @@ from ..planner.grid import TOLERANCE, BoolArray, IntArray
 from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
-from ..planner.regions import obstacle_room_m
+from ..planner.regions import leg_room_m, obstacle_room_m
 from ..safety.setpoint_gate import distance_m, refusal
 from ..site import Site
 from ..text_format import coordinate, distance, limit_text
@@ -215,6 +215,20 @@ class FlightVolume:
             self._free_lines(np.array([end_m]), np.array(start_m), less_m)[0]
             for start_m, end_m in itertools.pairwise(rest)
         )
+
+    def rechecked(self, leg: CheckedLeg, from_m: Vector) -> CheckedLeg:
+        """The leg with its rest, from a place in its corridor, checked on the present obstacles.
+
+        As in a plan, the room is that of the straight part outside the workspace.
+        """
+        barred, room_m = not self.is_rest_of_leg_free(leg.points_m, from_m), leg.room_m
+        points_m = np.ascontiguousarray(np.array(leg.points_m)[:, ::2])
+        outside_m = [self.site.workspace.outside_m((x_m, z_m)) for x_m, z_m in points_m.tolist()]
+        outside = np.flatnonzero(np.array(outside_m) > TOLERANCE)
+        if outside.size and not leg.is_entry:
+            border_m = points_m[max(0, outside[0] - 1)]
+            room_m = leg_room_m(self.site, self.vehicle, border_m, points_m[-1])
+        return replace(leg, barred=barred, room_m=room_m)
 
     def _free_lines(self, places_m: FloatArray, aircraft_m: FloatArray, less_m: float) -> BoolArray:
         """Mask (n,) of places (n, 3) whose straight line to the aircraft is outside keep-outs.

@@ -96,8 +96,8 @@ class FlownPath:
         setpoint begins at the aircraft, and moves over to the leg. widened_m: obstacle inflation.
         """
         x_m, _, z_m = pose.position_m
-        leg = self.legs[-1] if self.on_leg and self.legs else None
-        if leg is None or not volume.site.workspace.outside_m((x_m, z_m)):
+        left = self.legs[-1] if self.on_leg and self.legs else None
+        if left is None or not volume.site.workspace.outside_m((x_m, z_m)):
             return None
         path = self.within(volume.widened(self.volume.reach, self.volume.narrowed_m))
         volume, trajectory = path.volume, path.reference.trajectory
@@ -105,6 +105,7 @@ class FlownPath:
         apart_m = np.sqrt(((trajectory.position_m - there) ** 2).sum(axis=1))
         nearest = int(apart_m.argmin())
         place_m, distance_m = trajectory.position_m[nearest], float(trajectory.distance_m[nearest])
+        leg = volume.rechecked(left, vector(place_m))
         if (
             apart_m[nearest] > volume.vehicle.guidance.tracking_hold_m
             or not self._leaves_workspace_by(distance_m)
@@ -193,14 +194,8 @@ class FlownPath:
 
     def on_maps(self, volume: FlightVolume) -> FlownPath:
         """Returns the same path on maps with other obstacles, its legs checked on these."""
-        place_m = self.place_m
-        return replace(
-            self.within(volume),
-            legs=tuple(
-                replace(leg, barred=not volume.is_rest_of_leg_free(leg.points_m, place_m))
-                for leg in self.legs
-            ),
-        )
+        legs = tuple(volume.rechecked(leg, self.place_m) for leg in self.legs)
+        return replace(self.within(volume), legs=legs)
 
     def barred_m(self) -> float | None:
         """Distance along the trajectory of the first place ahead that the maps bar; None: none.
@@ -282,6 +277,15 @@ class FlownPath:
     def points(self, plan: Plan, junction: Splice, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
         """Points of a plan that begins at a junction."""
         return flown(plan, junction.position_m, escape_m, self.volume.leg_speeds_mps)
+
+    def bars(self, plan: Plan, junction: Splice, escape_m: tuple[PlanePoint, ...]) -> bool:
+        """True if obstacles of the volume bar a cell or a leg of a plan."""
+        if self.volume.bars(plan.states[:, :-1]).any():
+            return True
+        legs = checked_legs(plan, self.points(plan, junction, escape_m), escape_m)
+        return any(
+            not self.volume.is_rest_of_leg_free(leg.points_m, leg.points_m[0]) for leg in legs
+        )
 
     def joined(
         self,

@@ -127,7 +127,7 @@ def landing_leg(
         points_m=path[1:],
         speed_mps=speed,
         clearance_m=clearance,
-        room_m=_leg_room_m(site, vehicle, corners[-2], corners[-1]),
+        room_m=leg_room_m(site, vehicle, corners[-2], corners[-1]),
     )
 
 
@@ -162,8 +162,8 @@ def narrowest(
     return min(rooms)[1:] if rooms else None
 
 
-def _leg_room_m(site: Site, vehicle: Vehicle, start_m: FloatArray, end_m: FloatArray) -> float:
-    """From the hull on a straight leg to the nearest keep-out."""
+def leg_room_m(site: Site, vehicle: Vehicle, start_m: FloatArray, end_m: FloatArray) -> float:
+    """From the hull on a straight leg between points (2,) to the nearest keep-out."""
     vertices_m, first, radius_m, keep_out_m = geometry.rings(site.obstacles)
     clearance = leg_clearances(start_m[None, :], end_m, vertices_m, first, radius_m)
     room = clearance[0] - keep_out_m

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -15,85 +14,23 @@ from moar_companion.companion.status import LatestDecisions
 from moar_companion.estimation.pose import Setpoint
 from moar_companion.perception.perception_report import (
     PerceptionReport,
-    SeenConductor,
-    SensorHealth,
 )
 from moar_companion.perception.pose_notes import AttitudeNote, PointsNote, PositionNote
 from moar_companion.perception_config import Perception, Sensor
-from moar_companion.planner.planner import Planner
 from moar_companion.site import Polygon
 from tests.companion.desk import (
     EXIT,
     INSPECTION,
-    PAUSE_CONTINUE,
-    STEP_S,
     USER_1,
     Desk,
-    usual_planner,
 )
-from tests.companion.scripted_autopilot import OFFBOARD, POSCTL
+from tests.companion.scripted_autopilot import POSCTL
+from tests.companion.watched import SETTINGS, Watched, ahead, conductor, copied, nearest_m
 from tests.mavlink.peer import Peer
 
-SETTINGS = Perception(sensor=Sensor.VELODYNE)
 WALL = Polygon(
     name="seen-solid-1", vertices_m=((19.0, -1.0), (19.6, -1.0), (19.6, 21.0), (19.0, 21.0))
 )
-
-
-def conductor(x_m, z_m, name="seen-1"):
-    return SeenConductor(
-        name=name, position_m=(x_m, z_m), deviation_m=0.05, sightings=9, seen_s=0.0
-    )
-
-
-class Watched(Desk):
-    """A desk with a working sensor, which sees `conductors` and `solids`."""
-
-    def __init__(self, **options):
-        usual = usual_planner()
-        # Seen obstacles must not change the maps of other tests.
-        super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
-        self.conductors, self.solids = (), ()
-        self.works = self.scans = True
-        self.began_s = 0.0
-        self.notes = []
-
-    def step(self, seconds=STEP_S):
-        if self._count % 5 == 0 and self.works:
-            self.companion.perceived(
-                PerceptionReport(
-                    time_s=self.now_s,
-                    began_s=self.began_s,
-                    health=SensorHealth(
-                        scan_s=self.now_s - 0.05 if self.scans else None,
-                        received_s=self.now_s,
-                        returns=0.5,
-                    ),
-                    conductors=self.conductors,
-                    solids=self.solids,
-                )
-            )
-        super().step(seconds)
-        self.notes += self.companion.pose_notes()
-        return self
-
-    def fly(self, seconds=2.0):
-        self.run(1.0)
-        self.handle(self.operator.command(USER_1, INSPECTION, 1))
-        self.run_until("ready")
-        self.set(mode=OFFBOARD)
-        self.run_until("flying")
-        return self.run(seconds)
-
-    @property
-    def place_m(self):
-        return self.companion.pose.position_m
-
-    @property
-    def ahead_m(self):
-        """Points (n, 2) of the path still ahead."""
-        points_m, _ = self.companion._executor.routes.flight.path.rest()
-        return points_m[:, ::2]
 
 
 @pytest.fixture(scope="module")
@@ -105,19 +42,6 @@ def flight():
 @pytest.fixture
 def desk(flight):
     return copied(flight)
-
-
-def ahead(desk, by_m=6.0):
-    """A place on the path ahead, `by_m` from the aircraft."""
-    x_m, _, z_m = desk.place_m
-    points_m = desk.ahead_m
-    far_m = np.hypot(*(points_m - (x_m, z_m)).T)
-    return points_m[np.argmax(far_m >= by_m)]
-
-
-def nearest_m(desk, place_m, seconds):
-    """Least distance of the aircraft from a place in the plane in the next seconds."""
-    return min(math.dist(desk.step().place_m[::2], place_m) for _ in range(round(seconds / STEP_S)))
 
 
 def test_a_conductor_in_the_path_moves_the_path_before_the_aircraft_comes_to_it(desk):
@@ -388,49 +312,6 @@ def test_the_status_has_the_seen_obstacles(desk):
     assert [(item["name"], item["x_m"]) for item in seen["conductors"]] == [("seen-1", 3.0)]
     assert (seen["returns"], seen["solids"]) == (0.5, 1)
     assert Desk().companion.perception_report is None
-
-
-@pytest.fixture(scope="module")
-def on_leg():
-    """An exit on its landing leg."""
-    desk = Watched()
-    desk.run(1.0)
-    desk.handle(desk.operator.command(USER_1, EXIT, -1))
-    desk.run_until("ready")
-    desk.set(mode=OFFBOARD)
-    return desk.run_until("landing_leg", 60.0).run(0.5)
-
-
-def copied(flight):
-    twin, usual = copy.deepcopy(flight), usual_planner()
-    twin.planner = Planner(usual.site, usual.vehicle)
-    twin.planners = type(twin.planners)(twin.planner)
-    return twin
-
-
-LONG_S = 12.0
-"""Time in which the aircraft would have passed the obstacle on its leg."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("by_m", [2.0, 5.0])
-def test_a_landing_leg_is_not_flown_through_an_obstacle_seen_on_it(on_leg, by_m):
-    desk = copied(on_leg)
-    x_m, z_m = ahead(desk, by_m)
-    desk.conductors = (conductor(x_m, z_m),)
-    assert nearest_m(desk, (x_m, z_m), LONG_S) > desk.vehicle.radius_m + 0.3
-
-
-@pytest.mark.slow
-def test_a_held_landing_leg_is_not_resumed_through_an_obstacle_seen_meanwhile(on_leg):
-    desk = copied(on_leg)
-    x_m, z_m = ahead(desk, 4.0)
-    desk.handle(desk.operator.command(PAUSE_CONTINUE, 0))
-    desk.run(2.0)
-    desk.conductors = (conductor(x_m, z_m),)
-    desk.run(1.0)
-    desk.handle(desk.operator.command(PAUSE_CONTINUE, 1))
-    assert nearest_m(desk, (x_m, z_m), LONG_S) > desk.vehicle.radius_m + 0.3
 
 
 def test_a_second_wall_after_an_exit_over_the_first_holds_again(desk):

@@ -10,6 +10,7 @@ import pytest
 from moar_companion import autopilots
 from moar_companion.estimation.pose import Setpoint
 from moar_companion.guidance.flight_volume import FlightVolume
+from moar_companion.guidance.plan_path import CheckedLeg
 from moar_companion.planner.maps import build_maps
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 
@@ -55,6 +56,16 @@ def test_only_the_rest_of_a_leg_has_to_keep_its_distance_from_obstacles():
     assert not space.is_rest_of_leg_free(past_the_wire, (4.0, 0.0, 4.5))
     assert space.is_rest_of_leg_free(past_the_wire, (8.5, 0.0, 6.0))
     assert space.is_rest_of_leg_free(past_the_wire, (8.5, 0.0, 9.0))
+
+
+@pytest.mark.parametrize("is_entry", [False, True])
+def test_a_rechecked_landing_leg_has_the_room_to_obstacles_that_were_seen_since(is_entry):
+    space = volume(conductor(13.0, 9.5, 0.1, keep_out=0.5, name="seen"))
+    points_m = tuple((x_m, 0.0, 7.5) for x_m in (8.5, 10.0, 12.0, 14.0, 16.0))
+    leg = CheckedLeg(points_m=points_m, room_m=9.0, is_entry=is_entry)
+    leg = space.rechecked(leg, points_m[0])
+    assert not leg.barred
+    assert leg.room_m == (9.0 if is_entry else pytest.approx(2.0 - 0.6 - VEHICLE.radius_m))
 
 
 def test_a_place_beside_the_plane_is_left_straight_for_the_plane():

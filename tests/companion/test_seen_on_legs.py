@@ -1,0 +1,104 @@
+"""Landing legs and obstacles that a sensor sees: no leg is flown through one."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.companion.desk import EXIT, PAUSE_CONTINUE, USER_1
+from tests.companion.scripted_autopilot import OFFBOARD, POSCTL
+from tests.companion.watched import Watched, ahead, conductor, copied, nearest_m
+
+LONG_S = 12.0
+"""Time in which the aircraft would have passed the obstacle on its leg."""
+
+
+def exits(**options):
+    """An exit that is ordered."""
+    desk = Watched(**options).run(1.0)
+    desk.handle(desk.operator.command(USER_1, EXIT, -1))
+    return desk
+
+
+@pytest.fixture(scope="module")
+def on_leg():
+    """An exit on its landing leg."""
+    desk = exits().run_until("ready")
+    desk.set(mode=OFFBOARD)
+    return desk.run_until("landing_leg", 60.0).run(0.5)
+
+
+def assert_is_not_hit(desk, spot_m, seconds=LONG_S):
+    assert nearest_m(desk, spot_m, seconds) > desk.vehicle.radius_m + 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("by_m", [2.0, 5.0])
+def test_a_landing_leg_is_not_flown_through_an_obstacle_seen_on_it(on_leg, by_m):
+    desk = copied(on_leg)
+    spot_m = ahead(desk, by_m)
+    desk.conductors = (conductor(*spot_m),)
+    assert_is_not_hit(desk, spot_m)
+
+
+@pytest.mark.slow
+def test_a_held_landing_leg_is_not_resumed_through_an_obstacle_seen_meanwhile(on_leg):
+    desk = copied(on_leg)
+    spot_m = ahead(desk, 4.0)
+    desk.handle(desk.operator.command(PAUSE_CONTINUE, 0))
+    desk.run(2.0)
+    desk.conductors = (conductor(*spot_m),)
+    desk.run(1.0)
+    desk.handle(desk.operator.command(PAUSE_CONTINUE, 1))
+    assert_is_not_hit(desk, spot_m)
+
+
+@pytest.mark.parametrize("order", [EXIT, None])
+def test_a_leg_that_a_pilot_took_is_not_resumed_through_an_obstacle_seen_meanwhile(on_leg, order):
+    """By the same order, or by `continue`."""
+    desk = copied(on_leg)
+    while not desk.site.workspace.outside_m(desk.place_m[::2]):
+        desk.step()
+    spot_m = ahead(desk, 4.0)
+    desk.send_heartbeat(POSCTL)
+    desk.run(0.7)
+    desk.conductors = (conductor(*spot_m),)
+    desk.run(1.0)
+    if order is None:
+        desk.go_on()
+    else:
+        desk.handle(desk.operator.command(USER_1, order, -1))
+    desk.run(0.3)
+    desk.send_heartbeat(OFFBOARD)
+    assert_is_not_hit(desk, spot_m)
+
+
+def first_leg_m():
+    """A place on the landing leg of the exit's first plan, outside the workspace."""
+    desk = exits().run_until("ready")
+    x_m, _, z_m = desk.companion._executor.routes.flight.path.legs[-1].points_m[16]
+    return x_m, z_m
+
+
+@pytest.fixture(scope="module")
+def spot_m():
+    return first_leg_m()
+
+
+def test_a_plan_is_not_adopted_whose_leg_an_obstacle_bars_that_was_seen_since_its_request(spot_m):
+    desk = exits(plan_delay_s=0.2)
+    while not desk.jobs:
+        desk.step()
+    desk.conductors = (conductor(*spot_m),)
+    desk.run_until("ready", 5.0)
+    desk.set(mode=OFFBOARD)
+    assert_is_not_hit(desk, spot_m, 60.0)
+
+
+def test_a_free_path_is_taken_at_once_where_an_obstacle_bars_the_leg_of_the_active_path(spot_m):
+    """Although the active path, without its leg, costs less."""
+    desk = exits().run_until("ready")
+    desk.set(mode=OFFBOARD)
+    desk.run_until("flying")
+    desk.conductors = (conductor(*spot_m),)
+    desk.run(1.0)
+    assert desk.companion._executor.routes.flight.barred_by is None
