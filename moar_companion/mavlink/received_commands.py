@@ -138,9 +138,10 @@ class ReceivedCommands:
     no answer. Stop commands, motion commands and commands without permission have separate limits,
     so that none uses up another's.
 
-    A packet that the network doubles is dropped. A repeat of an undecided command gets IN_PROGRESS.
-    Otherwise every stop command is executed. A motion command is executed unless it is old, so that
-    no old command undoes a stop. Old is:
+    A packet that the network doubles is dropped. A repeat of an undecided command gets IN_PROGRESS,
+    one of a stop only if no sender has commanded motion since. Otherwise every stop command is
+    executed. A motion command is executed unless it is old, so that no old command undoes a stop.
+    Old is:
 
     - a repeat: the same command from its sender within 2 s, over another link within 5 s, with a
       confirmation above 0 within 30 s. The table repeats the last answer, or answers CANCELLED
@@ -293,7 +294,8 @@ class ReceivedCommands:
     ) -> CommandAnswer | None:
         """Returns the answer to a repeated or late command; None if the command is executed."""
         sender, known = command.sender, self._remembered.get(_key(command))
-        if known and known.is_awaited(now_s) and known is self._latest(_key(command)[:3]):
+        awaited = known and known.is_awaited(now_s) and known is self._latest(_key(command)[:3])
+        if known and awaited and not (stops(command) and self._moves_since(known)):
             return replace(known.answer, receiver=sender)
         if stops(command):
             return None
@@ -305,11 +307,19 @@ class ReceivedCommands:
             return None
         return _answer(command, CommandResult.CANCELLED)
 
+    def _since(self, known: _Received) -> list[Accepted]:
+        """Commands that were received after a remembered one."""
+        later = takewhile(lambda other: other is not known, reversed(self._remembered.values()))
+        return [other.command for other in later]
+
+    def _moves_since(self, stop: _Received) -> bool:
+        """Returns True if any sender has given a command of motion since."""
+        return not all(map(stops, self._since(stop)))
+
     def _is_superseded(self, known: _Received) -> bool:
         """Returns True if its sender has given another command since, or any sender a stop."""
-        later = takewhile(lambda other: other is not known, reversed(self._remembered.values()))
         ids = _key(known.command)[:2]
-        return any(stops(other.command) or _key(other.command)[:2] == ids for other in later)
+        return any(stops(other) or _key(other)[:2] == ids for other in self._since(known))
 
     def _is_late(self, sender: Sender, sequence: int, now_s: float, *, confirmed: bool) -> bool:
         """Returns True if a command received after a stop was given before it."""

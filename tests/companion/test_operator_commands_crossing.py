@@ -64,6 +64,20 @@ def test_a_pause_cancels_the_order_whose_plan_is_awaited():
     assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
 
 
+def test_of_orders_received_at_once_a_hold_repeated_after_a_continue_holds():
+    """As after a gap of the link: the operator has held, continued, and held again."""
+    desk = Desk().come_to("flying", then_s=1.0)
+    desk.order(HOLD).go_on().order(HOLD).run(2.0)
+    assert desk.state == "holding"
+    assert not any((m.vx, m.vy, m.vz) != (0.0, 0.0, 0.0) for m in desk.setpoints(desk.now_s - 0.5))
+
+
+def test_of_orders_received_at_once_a_pause_repeated_after_another_operators_mission_holds():
+    desk = Desk().come_to("flying", then_s=1.0)
+    desk.pause().order(INSPECTION, 1.0, peer=Peer(254, 190)).pause().run(2.0)
+    assert desk.state == "holding"
+
+
 def test_a_failsafe_received_with_a_release_gets_no_last_setpoint():
     desk = Desk().come_to("flying", then_s=3.0)
     began = desk.now_s
