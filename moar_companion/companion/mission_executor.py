@@ -377,9 +377,10 @@ class MissionExecutor:
         if in_control:
             holds = self.status.state is MissionState.HOLDING
             flight.advance(pose, step_s, self._pace, holds=holds)
-        # The heading changes only in control; before, the setpoint keeps it, so that engagement
-        # causes no turn.
-        setpoint = flight.setpoint(pose, plane, step_s if in_control else 0)
+        else:
+            # The pilot may turn the aircraft until engagement, which must cause no turn.
+            flight.take_heading(pose)
+        setpoint = flight.setpoint(pose, plane, step_s if in_control else 0.0)
         refused = self.setpoints.send(setpoint, flight, plane, now_s)
         if refused is None:
             return

@@ -155,6 +155,10 @@ class PathFollower:
         )
         self._yaw_rad = math.remainder(self._yaw_rad + jump.turn_rad, math.tau)
 
+    def take_heading(self, pose: Pose) -> None:
+        """Sets the setpoint's heading to the aircraft's."""
+        self._yaw_rad = pose.yaw_rad
+
     def learn_loss(self, loss: OffboardLoss) -> None:
         """Caps the speed by the new offboard-loss behaviour."""
         self._path = self._path.within(replace(self._volume, loss=loss))

@@ -316,13 +316,10 @@ def test_after_a_heading_reset_the_nose_returns_to_its_direction_within_the_turn
 
 @pytest.mark.parametrize("rate_radps", [0.8, -3.0])
 def test_an_aircraft_that_turns_fast_was_not_reset(rate_radps):
-    desk = Desk().come_to("ready", then_s=1.0)
-    before = desk.setpoints()[-1].yaw
-    desk.set(yaw_rate_radps=rate_radps)
+    desk = Desk().come_to("ready", then_s=1.0).set(yaw_rate_radps=rate_radps)
     for _ in range(100):
         desk.set(yaw_rad=math.remainder(desk.yaw_rad + rate_radps * STEP_S, math.tau)).step()
     assert not desk.decided("jump")
-    assert desk.setpoints()[-1].yaw == before
 
 
 def test_a_heading_that_is_received_again_after_a_gap_was_not_reset():

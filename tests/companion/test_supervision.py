@@ -12,7 +12,7 @@ from moar_companion.config import Supervision
 
 from ..copies import flown_once
 from ..mavlink.peer import Peer
-from .desk import ACCEPTED, EVACUATION, INSPECTION, TEMPORARILY_REJECTED, Desk
+from .desk import ACCEPTED, EVACUATION, INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
 from .scripted_autopilot import AUTO_HOLD, CRITICAL, OFFBOARD, POSCTL
 
 
@@ -391,6 +391,17 @@ def test_the_nose_does_not_turn_before_the_aircraft_follows():
     assert abs(yaws[-1] - 0.3) > 0.5
     turned = [math.remainder(new - old, math.tau) for old, new in itertools.pairwise(yaws)]
     assert max(map(abs, turned)) <= desk.vehicle.guidance.yaw_rate_radps * 0.02 + 1e-6
+
+
+def test_a_pilot_who_turns_before_giving_the_mode_causes_no_turn_at_engagement():
+    desk = Desk().come_to("ready").set(yaw_rate_radps=0.3)
+    for _ in range(400):
+        desk.set(yaw_rad=desk.yaw_rad + 0.3 * STEP_S).step()
+    desk.set(yaw_rate_radps=0.0).run(0.1)
+    desk.send_heartbeat(OFFBOARD).step()
+    assert desk.state == "flying"
+    fastest_rad = desk.vehicle.guidance.yaw_rate_radps * STEP_S
+    assert desk.setpoints()[-1].yaw == pytest.approx(desk.yaw_rad, abs=fastest_rad + 1e-3)
 
 
 def test_a_shorter_position_timeout_is_kept():
