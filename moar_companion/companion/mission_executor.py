@@ -21,6 +21,7 @@ from ..mission.values import (
     Effect,
     FlightEffect,
     MissionStatus,
+    Order,
     OverrideConditions,
     RequestPlan,
     SendText,
@@ -226,6 +227,8 @@ class MissionExecutor:
             answer = Answer(order_id, Verdict.DENIED, order.reason)
             self._carry_out((self.status, (answer,)), now_s)
         else:
+            if order is Order.HOLD:
+                self._recovery.note_hold()
             world, before = self._situation(now_s), self.status.state
             status, effects = state_machine.command(self.status, order, order_id, world, now_s)
             if not command.permitted:

@@ -1,8 +1,9 @@
 """Recovery of an aircraft after a displacement by wind, and texts about its drift.
 
 A recovery leg leads back an aircraft outside the workspace or beside the plane, while the mission
-holds and no other condition holds it. The mission resumes when its conditions permit. Inputs: the
-flight, the mission's state, the ruling; outputs: a recovery leg, texts.
+holds and no other condition holds it, nor a hold that was ordered there. The mission resumes when
+its conditions permit. Inputs: the flight, the mission's state, the ruling, holds; outputs: a
+recovery leg, texts.
 """
 
 from __future__ import annotations
@@ -35,6 +36,11 @@ class WindRecovery:
         self._reports = reports
         self._reported_m: float | None = None
         self._due_s = -math.inf
+        self._hold_ordered = False
+
+    def note_hold(self) -> None:
+        """Notes that a hold was ordered: a displaced aircraft then stays until the next order."""
+        self._hold_ordered = True
 
     def act(
         self,
@@ -50,6 +56,8 @@ class WindRecovery:
             self._reported_m = None
             return
         self._report_drift(flight, pose, now_s)
+        if not flight.must_recover and flight.drifted_m(pose) is None:
+            self._hold_ordered = False
         if status.state is not MissionState.HOLDING or status.requested is not None:
             return
         held = any(
@@ -61,7 +69,7 @@ class WindRecovery:
             if held:
                 flight.brake()
             return
-        if held or not flight.must_recover or now_s < self._due_s:
+        if held or self._hold_ordered or not flight.must_recover or now_s < self._due_s:
             return
         self._due_s = now_s + _AGAIN_S
         if flight.begin_recovery(widened_m):

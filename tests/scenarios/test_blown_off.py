@@ -17,7 +17,7 @@ from ..flights.judging import (
     assert_setpoints_never_jump,
 )
 from ..flights.lockstep import Lockstep, hovering
-from ..flights.operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, Manner
+from ..flights.operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, MISSION_HOLD, Manner
 from ..thorough import sampled
 from .marks import ARDUPILOT_FIRST
 
@@ -165,6 +165,23 @@ def test_blown_off_across_the_plane_the_aircraft_returns_straight_to_it():
     flight.run_until_state("flying", 120.0)
     assert abs(flight.companion.pose.position_m[1]) < flight.vehicle.guidance.leash_m
     flight.run_until(lambda: abs(flight.companion.pose.position_m[1]) < 1.0, 10.0)
+    judge(flight)
+
+
+@pytest.mark.slow
+def test_a_hold_ordered_during_the_return_ends_it_until_the_next_order():
+    flight = blown_off(Manner.ARDUPILOT)
+    flight.autopilot.conditions.wind_mps = 0.0
+    flight.run_until(lambda: "returning" in flight.operator.texts()[-1], 60.0)
+    flight.run(2.0)
+    flight.operator.mission(MISSION_HOLD)
+    flight.run(3.0)
+    held_m, far_m = flight.companion.pose.position_m, outside_m(flight)
+    assert far_m > 2.0
+    flight.run(15.0)
+    assert math.dist(flight.companion.pose.position_m, held_m) < 0.5
+    flight.operator.mission(EXIT)
+    flight.run_until(lambda: outside_m(flight) < far_m - 1.0, 20.0)
     judge(flight)
 
 
