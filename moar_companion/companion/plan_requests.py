@@ -27,11 +27,15 @@ _ANSWER_TIMEOUT_S = 5.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Awaited:
-    """A requested plan: its start, and if it is the mission's first."""
+    """A requested plan: its start, and if it is the mission's first.
+
+    since_s: time of the first request for it, of which this may be a repetition.
+    """
 
     job: PlanJob
     junction: Splice
     first: bool
+    since_s: float
     reason: str
     """Reason for the request."""
 
@@ -105,12 +109,18 @@ class PlanRequests:
             failsafes=failsafes,
             narrowed_m=narrowed_m,
         )
-        self._awaited = Awaited(job=job, junction=junction, first=first, reason=reason)
-        self._answer = None
         if first:
             self.wanting_since_s = None
         elif self.wanting_since_s is None:
             self.wanting_since_s = now_s
+        self._awaited = Awaited(
+            job=job,
+            junction=junction,
+            first=first,
+            since_s=now_s if self.wanting_since_s is None else self.wanting_since_s,
+            reason=reason,
+        )
+        self._answer = None
         self._jobs.append(job)
         self.asked_s, self.asked_risk = now_s, risk
         self.asked_widening_m, self.asked_fence = widening_m, fence
@@ -122,9 +132,9 @@ class PlanRequests:
         job = replace(awaited.job, job_id=self._last_id)
         self._awaited = replace(awaited, job=job)
         self._jobs.append(job)
-        if not awaited.first:
-            self.wanting_since_s = self.asked_s
-        self.asked_s, self.asked_maps = now_s, site_maps
+        self.asked_maps = site_maps
+        if not awaited.first:  # a first plan is awaited no longer for that
+            self.wanting_since_s, self.asked_s = awaited.since_s, now_s
 
     def forget(self) -> None:
         """Drops the pending request."""

@@ -22,7 +22,7 @@ from moar_companion.risk import RiskEstimate
 from moar_companion.types import Mission, RiskIndices
 
 from ..losses import loss_of
-from ..planner.problems import make_site, make_vehicle
+from ..planner.problems import conductor, make_site, make_vehicle
 
 INSPECTION = Task(mission=Mission.INSPECTION, stops=("target",))
 EXIT = Task(mission=Mission.EXIT)
@@ -142,6 +142,42 @@ def test_another_fence_of_the_autopilot_is_planned_for_at_once():
     assert routes.recorded[-1] == ("replan", "the autopilot's fence is another")
     routes.adopted(*routes.answered(job))
     assert routes.asked(START) == []
+
+
+def barred(routes, job):
+    """The next job, where maps that bar the plan of this one come just before its answer."""
+    answer = answer_job(PlannerSet(routes.planner), job)
+    x_m, z_m = answer.plan.waypoints.position_m[len(answer.plan.states) // 2]
+    site = make_site(conductor(x_m, z_m, 0.1, name="seen-1"), exits=[(-3.0, 4.5)])
+    maps = Planner(site, routes.planner.vehicle).maps
+    routes.manager.learn_maps(SiteMaps(site=site, maps=maps), routes.now_s)
+    routes.manager.plan_answered(answer)
+    assert routes.manager.taken(routes.now_s) is None
+    (job,) = routes.manager.plan_jobs()
+    return job
+
+
+def test_the_wait_for_a_plan_is_not_ended_by_plans_that_newer_maps_bar():
+    routes = Routes()
+    routes.begin()
+    routes.now_s = asked_s = 2.5
+    (job,) = routes.asked(START)
+    for _ in range(4):
+        routes.now_s += 1.0
+        job = barred(routes, job)
+        assert routes.manager.awaited_for_s(routes.now_s) == pytest.approx(routes.now_s - asked_s)
+
+
+def test_a_first_plan_that_newer_maps_bar_again_and_again_fails_after_five_seconds():
+    routes = Routes()
+    assert routes.manager.ask(INSPECTION, START, CALM, 0.0, first=True)
+    (job,) = routes.manager.plan_jobs()
+    for _ in range(4):
+        routes.now_s += 1.2
+        job = barred(routes, job)
+    routes.now_s += 0.5
+    _, answer = routes.manager.taken(routes.now_s)
+    assert (answer.plan, answer.reason) == (None, "no plan in 5 s")
 
 
 def test_a_landing_leg_that_a_pilot_interrupted_is_resumed_only_at_a_known_position():
