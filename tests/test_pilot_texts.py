@@ -24,7 +24,7 @@ from moar_companion.mission.values import Order, Task, Verdict
 from moar_companion.mission_states import MissionState
 from moar_companion.pilot_texts import TEXTS
 from moar_companion.safety.condition_texts import TEXTS as OF_CONDITIONS
-from moar_companion.safety.condition_texts import all_actions, filled
+from moar_companion.safety.condition_texts import filled
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.text_format import (
     coordinate,
@@ -37,6 +37,7 @@ from moar_companion.text_format import (
 from moar_companion.text_patterns import FIELDS, NAMES
 from moar_companion.types import Mission, RiskIndices
 from moar_companion.yaml_schema import Name
+from tests.condition_actions import all_actions
 
 EACH = pytest.mark.parametrize("name", TEXTS)
 SOURCES = Path(moar_companion.__file__).parent

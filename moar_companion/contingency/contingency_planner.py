@@ -384,7 +384,8 @@ class ContingencyPlanner:
         for stop in task.stops:
             dwell_s = self._site.target(stop).dwell_s
             dwell_wh = self._power.hover_wh(dwell_s)
-            total = total.then(replace(rest, duration_s=dwell_s, energy_wh=dwell_wh))
+            dwell = replace(rest, duration_s=dwell_s, energy_wh=dwell_wh, exposed_s=0.0)
+            total = total.then(dwell)
         for stop, following in itertools.pairwise(task.stops):
             route = self._routes.get(_Question(stop, Mission.INSPECTION, following))
             if route is None:

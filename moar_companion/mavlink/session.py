@@ -145,11 +145,6 @@ class Session:
         return self._receiver.autopilot
 
     @property
-    def control_allowed(self) -> bool:
-        """True while there is exactly one autopilot to control."""
-        return self._control.allowed
-
-    @property
     def conflict(self) -> str | None:
         """Text for a received second autopilot, under any ids; None without one."""
         return self._receiver.identity.conflict

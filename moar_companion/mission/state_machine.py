@@ -171,9 +171,10 @@ def unplanned(
         inspects = status.task is not None and status.task.mission is Mission.INSPECTION
         failed_tasks = _OUTWARD if failed and inspects else (requested,)
         return replace(status, requested=None).without(*failed_tasks, now_s=now_s), (text,)
+    brake = () if status.state is MissionState.HOLDING else (FlightEffect.BRAKE,)
     held = entered(status, MissionState.HOLDING, now_s)
     text = SendText(reason, MissionState.HOLDING.words, serious=True)
-    return replace(held, task=requested, resumes=waits), (text,)
+    return replace(held, task=requested, resumes=waits), (*brake, text)
 
 
 def blocked(status: MissionStatus, now_s: float) -> Step:

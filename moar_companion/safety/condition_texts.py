@@ -203,16 +203,6 @@ def action_words(row: Condition, text: str) -> str:
     return row.action.words
 
 
-def all_actions(row: Condition) -> set[str]:
-    """Every action that can be sent with a condition's texts."""
-    words = {"over", row.rest.words if row.action is Action.RELEASE else row.action.words}
-    if row.action >= Action.HOLD or row.override is Override.NONE:
-        words |= {"rejected", "failed", "idle"}
-    if row.action in {Action.EXIT, Action.EVACUATION}:
-        words |= {"exiting", "evacuating", "holding"}
-    return words
-
-
 def filled(text: str, *, longest: bool = False) -> str:
     """A text with its example values, or with the longest ones."""
     return _FIELD.sub(lambda field: field[1].split("|")[-1 if longest else 0], text)

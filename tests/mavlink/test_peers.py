@@ -170,7 +170,7 @@ def test_a_packet_with_the_autopilots_ids_from_elsewhere_is_reported_once(networ
     network.receive_from(("10.0.0.67", 1), forger.attitude(1.0, roll=1.5))
     assert network.events() == [AutopilotElsewhere(link="serial", address=STRANGER)]
     assert network.session.telemetry.attitude is None
-    assert network.session.control_allowed
+    assert network.session.conflict is None
     assert network.peers() == (AUTOPILOT,)
     network.receive_from(AUTOPILOT, autopilot.attitude(1.0, roll=0.25))
     network.tick()

@@ -51,20 +51,20 @@ def test_an_autopilot_on_an_operator_link_is_not_latched(story, autopilot):
 
 def test_a_second_autopilot_ends_control_and_the_event_names_both(story, autopilot, peer):
     story.meet(autopilot)
-    assert story.session.control_allowed
+    assert story.session.conflict is None
     other = peer(2, 1)
     story.handle(other.heartbeat(autopilot=ARDUPILOT))
     (event,) = story.events()
     assert isinstance(event, AutopilotConflict)
     assert (event.autopilot.system_id, event.other.system_id) == (1, 2)
-    assert not story.session.control_allowed
+    assert story.session.conflict is not None
     assert not story.session.send_setpoint((0, 0, 0), (0, 0, 0.1), 0.0, story.now_s)
     assert not story.session.request_own_mode()
     assert not story.session.request_land()
     for _ in range(11):  # the other falls silent
         story.handle(autopilot.heartbeat())
         story.run(1.0)
-    assert story.session.control_allowed
+    assert story.session.conflict is None
 
 
 def test_during_a_conflict_a_setpoint_at_rest_is_sent_to_the_flown_autopilot(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.mission import state_machine
-from moar_companion.mission.values import Order
+from moar_companion.mission.values import FlightEffect, Order
 from moar_companion.mission_states import MissionState
 
 from .stories import EVACUATION, EXIT, INSPECTION, story
@@ -34,6 +34,16 @@ def test_the_next_target_waits_until_there_is_room():
     assert flight.requested == []
     assert flight.tick(0.2).requested == [rest]
     assert flight.plan_found().state == "flying"
+
+
+def test_an_inspection_that_flies_brakes_where_there_is_no_room_for_its_escape_route():
+    """The answer comes after the battery's condition has cleared."""
+    flight = story(S.FLYING).see(battery_reserve="battery 0 at 20% <= 20%").tick(3.1)
+    assert flight.requested == [EXIT]
+    flight.see(battery_reserve=None)
+    flight._took(state_machine.unplanned(flight.status, "no room", flight.now_s, waits=True))
+    assert flight.state == "holding"
+    assert FlightEffect.BRAKE in flight.effects
 
 
 @pytest.mark.parametrize("way", [EXIT, EVACUATION])
