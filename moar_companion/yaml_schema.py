@@ -91,9 +91,9 @@ class Section(Generic[Record]):
 
     Used as `guidance: Annotated[Guidance, Section(Guidance)] = Field(default_factory=Guidance)`.
 
-    A field is one key of the same name: angles are degrees in the file (`_rad` is written `_deg`,
-    `_radps` `_deg_per_s`), an enumeration is its value, a nested dataclass of numbers is the list
-    of its fields. `Annotated[..., Field(...)]` on a field gives its limits in the units of the
+    A field is one key of the same name. Angles are degrees in the file: `_rad` is written `_deg`,
+    `_radps` `_deg_per_s`. An enumeration is its value, a nested dataclass of numbers the list of
+    its fields. `Annotated[..., Field(...)]` on a field gives its limits in the units of the
     file, for every number of a list; without limits a number is not negative, and at most 1e6.
     A new field with a default needs nothing else.
     """

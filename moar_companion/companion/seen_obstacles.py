@@ -26,8 +26,8 @@ from ..types import Vector
 from .reports import Reports
 
 _APART_M, _SAME_PLACE_M = 0.25, 0.15
-"""Distance from its place in the file above which a seen conductor becomes an obstacle of its own,
-and distance below which it ceases to be one. The margin covers smaller distances."""
+"""Distances of a seen conductor from its place in the file. Above the first one it becomes an
+obstacle of its own, below the second one it ceases to be one. The margin covers smaller ones."""
 _MOVED_M = 0.15
 """Least move of a conductor that changes its place on the maps: the accuracy of its place."""
 _RADIUS_M = 0.02

@@ -1,9 +1,9 @@
 """Recovery of an aircraft after a displacement by wind, and texts about its drift.
 
-A recovery leg leads back an aircraft outside the workspace or beside the plane, while the mission
-holds and no other condition holds it, nor a hold that was ordered there. The mission resumes when
-its conditions permit. Inputs: the flight, the mission's state, the ruling, holds; outputs: a
-recovery leg, texts.
+A recovery leg leads back an aircraft outside the workspace or beside the plane. It begins while the
+mission holds, unless another condition holds it, or an operator ordered a hold there. The mission
+resumes when its conditions permit. Inputs: the flight, the mission's state, the ruling, holds;
+outputs: a recovery leg, texts.
 """
 
 from __future__ import annotations

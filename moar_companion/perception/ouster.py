@@ -1,8 +1,8 @@
 """Ouster data packets to scans, by ouster-sdk; all other packets are counted.
 
 The SDK decodes the packets and computes the points. This module assembles the turns. The SDK's
-batcher drops all packets of a sensor that restarted its turn numbers, and gives a turn only with
-the fourth packet of the next. A turn is complete with its last missing column, or with the first
+batcher drops all packets of a sensor that restarted its turn numbers; it gives a turn only with the
+fourth packet of the next. A turn is complete with its last missing column, or with the first
 packet of another turn. Lost columns have no points.
 
 Packets: Ouster Firmware User Manual, "Lidar Data Packet Format".

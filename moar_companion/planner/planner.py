@@ -206,8 +206,8 @@ class Planner:
         adaptation: its kind, calibrated from the start; the vehicle's by default.
 
         Without a plan the status is the reason. Raises InputError for a target or landing point
-        that the site does not have, for landing points of which none is visible, and for a start or
-        velocity that is not finite.
+        that the site does not have, if no landing point is visible, and for a start or velocity
+        that is not finite.
         """
         mission = Mission(mission)
         weights = self.vehicle.weights[mission] if weights is None else weights

@@ -23,8 +23,8 @@ _WITHOUT_POSITION = frozenset({Failsafe.ESTIMATOR, Failsafe.DEAD_RECKONING})
 def took_mode(autopilot: AutopilotStatus | None) -> bool:
     """True if a failsafe, not a pilot, has chosen a mode that is not ours.
 
-    Where an autopilot, as ArduPilot, reports a failsafe also in a mode that the pilot has chosen,
-    only a return, a landing or a stop is the failsafe's.
+    ArduPilot reports a failsafe also in a mode that the pilot has chosen. There only a return, a
+    landing or a stop counts as the failsafe's.
     """
     if autopilot is None or not autopilot.failsafe or autopilot.ours:
         return False
