@@ -51,8 +51,10 @@ class SeenObstacles:
         self._mapped_report: PerceptionReport | None = None
         self._seen: tuple[Obstacle, ...] | None = ()
         """Obstacles of the last job, in the form of a site file; None after its failure."""
+        self._current: tuple[Obstacle, ...] = ()
+        """Those of them that the present process of the perception has reported."""
         self._before: tuple[Obstacle, ...] = ()
-        """Obstacles of a process that has ended; kept until the aircraft is on the ground."""
+        """Obstacles of processes that have ended; kept until the aircraft is on the ground."""
         self._job_id = 0
         self._asked_s: float | None = None
         """Time of the pending job; None without one."""
@@ -103,6 +105,7 @@ class SeenObstacles:
         if jump is not None:
             x_m, y_m, z_m = (sum(pair) for pair in zip(self._jumped_m, jump.step_m, strict=True))
             self._jumped_m = x_m, y_m, z_m
+            self._before = tuple(_moved(item, jump.step_m) for item in self._before)
         position, attitude = telemetry.local_position, telemetry.attitude
         position_boot_s, attitude_boot_s = self._noted
         if tracker.pose is not None and position is not None and position.boot_s != position_boot_s:
@@ -164,19 +167,21 @@ class SeenObstacles:
             return
         self._mapped_report = report
         if before is not None and report.began_s != before.began_s:
-            self._before = self._seen or self._before
+            self._before, self._current = (*self._before, *self._current), ()
             self._reported_m.clear()
         if on_ground:
             self._before = ()
         if report.health.scan_s is None:
             # The process has no scan yet: earlier obstacles stay.
             return
-        seen = (
-            *self._before,
+        current = (
             *(item for each in report.conductors for item in self._placed(each)),
             *(replace(solid, keep_out_m=self.settings.keep_out_m) for solid in report.solids),
         )
+        self._current = tuple(item for item in current if not self._is_kept(item))
+        seen = (*self._before, *self._current)
         if seen == self._seen:
+            self._texts.clear()  # of a kept obstacle, which was reported then
             return
         self._seen = seen
         self._job_id += 1
@@ -209,7 +214,7 @@ class SeenObstacles:
         mapped = next(
             (
                 item
-                for item in self._seen or ()
+                for item in self._current
                 if item.name == seen.name and isinstance(item, Conductor)
             ),
             None,
@@ -243,6 +248,18 @@ class SeenObstacles:
             ),
         )
 
+    def _is_kept(self, item: Obstacle) -> bool:
+        """True if an obstacle of an ended process is at the same place, as wide or wider."""
+        return any(
+            kept.keep_out_m >= item.keep_out_m
+            and (
+                math.dist(kept.position_m, item.position_m) < _SAME_PLACE_M
+                if isinstance(kept, Conductor) and isinstance(item, Conductor)
+                else kept == replace(item, name=kept.name)
+            )
+            for kept in self._before
+        )
+
     def _note_unknown(self, seen: SeenConductor) -> None:
         if ("", seen.name) in self._reported_m:
             return
@@ -261,3 +278,11 @@ class SeenObstacles:
         self._reported_m[name, seen] = off_m
         text = pilot_texts.CONDUCTOR_MOVED(m=distance(off_m), conductor=name)
         self._texts.append((Severity.WARNING, text))
+
+
+def _moved(item: Obstacle, step_m: Vector) -> Obstacle:
+    """An obstacle moved by a step in the plane."""
+    x_m, _, z_m = step_m
+    if isinstance(item, Conductor):
+        return replace(item, position_m=(item.position_m[0] + x_m, item.position_m[1] + z_m))
+    return replace(item, vertices_m=tuple((x + x_m, z + z_m) for x, z in item.vertices_m))

@@ -226,6 +226,57 @@ def test_a_sensor_restart_removes_nothing_from_the_maps_until_landing(desk):
     assert seen() == 0
 
 
+def seen_m(desk):
+    """Places of the seen conductors on the maps."""
+    site = desk.companion._executor.routes.limits.site_maps.site
+    return [item.position_m for item in site.obstacles if item.name.startswith("seen")]
+
+
+TWO_M = ((3.0, 14.5), (6.0, 16.5))
+
+
+def two_wires(desk, first_m, second_m):
+    """Two wires, reported ten times with a noise of 1 cm."""
+    for number in range(10):
+        off_m = 0.01 * (number % 3 - 1)
+        desk.conductors = tuple(
+            conductor(x_m + off_m, z_m, name)
+            for (x_m, z_m), name in ((first_m, "seen-1"), (second_m, "seen-2"))
+        )
+        desk.run(0.1)
+
+
+def test_obstacles_that_a_restarted_process_finds_again_need_no_maps_whatever_their_names(desk):
+    two_wires(desk, *TWO_M)
+    made = len(desk.map_jobs)
+    texts = desk.texts()
+    for _ in range(3):
+        desk.began_s = desk.now_s
+        two_wires(desk, *reversed(TWO_M))
+    assert (len(desk.map_jobs), len(seen_m(desk)), desk.texts()) == (made, 2, texts)
+
+
+def test_obstacles_whose_maps_failed_outlast_a_restart_of_the_process(desk):
+    desk.conductors, desk.maps_made = (conductor(*TWO_M[0]),), False
+    desk.run(0.5)
+    desk.began_s, desk.conductors, desk.maps_made = desk.now_s, (), True
+    desk.run(0.5)
+    assert seen_m(desk) == [TWO_M[0]]
+
+
+def test_obstacles_of_a_process_that_has_ended_move_with_a_jump_of_the_estimate(desk):
+    desk.conductors = (conductor(*TWO_M[0]),)
+    desk.run(0.5)
+    desk.began_s, desk.conductors = desk.now_s, ()
+    desk.run(0.2)
+    before_m = desk.place_m
+    desk.set(estimate_off_ned_m=(0.0, 2.0, -0.5)).run(0.4)
+    jump_m = [after - before for after, before in zip(desk.place_m, before_m, strict=True)]
+    ((x_m, z_m),) = seen_m(desk)
+    assert (x_m - TWO_M[0][0], z_m - TWO_M[0][1]) == pytest.approx((jump_m[0], jump_m[2]), abs=0.3)
+    assert math.hypot(x_m - TWO_M[0][0], z_m - TWO_M[0][1]) > 1.5
+
+
 def test_a_conductor_at_the_tolerance_of_its_place_does_not_rebuild_the_maps_repeatedly(desk):
     (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")
     x_m, z_m = known.position_m
