@@ -271,7 +271,7 @@ CLOSE = PilotText(
 PLANNER_SILENT = PilotText(
     pattern="no plan in {s} s",
     actions=_NO_ESCAPE,
-    meaning="the planner did not answer in this time",
+    meaning="the planner gave no plan for the present maps in this time",
     remedy="order again; else see the log",
 )
 PLANNER_FAILED = PilotText(

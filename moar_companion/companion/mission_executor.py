@@ -228,7 +228,7 @@ class MissionExecutor:
             self._carry_out((self.status, (answer,)), now_s)
         else:
             if order is Order.HOLD:
-                self._recovery.note_hold()
+                self._recovery.note_hold(self.routes.flight)
             world, before = self._situation(now_s), self.status.state
             status, effects = state_machine.command(self.status, order, order_id, world, now_s)
             if not command.permitted:

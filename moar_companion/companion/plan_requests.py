@@ -56,7 +56,8 @@ class PlanRequests:
         self.asked_widening_m = 0.0
         self.asked_fence: PlaneFence | None = None
         self.asked_failsafes = NO_FAILSAFES
-        """Time of the last request, with its risks, inflation of obstacles, fence and failsafes."""
+        """Time of the last request, with its risks, inflation of obstacles, fence and failsafes. A
+        first plan keeps the time of its first request."""
         self.asked_maps: SiteMaps | None = None
         """Site and maps at the last request."""
         self.wanting_since_s: float | None = None
@@ -133,7 +134,7 @@ class PlanRequests:
         self._awaited = replace(awaited, job=job)
         self._jobs.append(job)
         self.asked_maps = site_maps
-        if not awaited.first:  # a first plan is awaited no longer for that
+        if not awaited.first:  # the time-out of a first plan counts from its first request
             self.wanting_since_s, self.asked_s = awaited.since_s, now_s
 
     def forget(self) -> None:

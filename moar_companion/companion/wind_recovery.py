@@ -38,9 +38,9 @@ class WindRecovery:
         self._due_s = -math.inf
         self._hold_ordered = False
 
-    def note_hold(self) -> None:
-        """Notes that a hold was ordered: a displaced aircraft then stays until the next order."""
-        self._hold_ordered = True
+    def note_hold(self, flight: PathFollower | None) -> None:
+        """Notes that a hold was ordered: an aircraft outside then stays until the next order."""
+        self._hold_ordered = flight is not None and flight.path.needs_recovery
 
     def act(
         self,

@@ -137,8 +137,8 @@ def sweep(scene: Scene, levels: int = LEVELS, fine_levels: int = FINE_LEVELS) ->
 
 def _adapted(way: Way, posed: Problem) -> Adapted:
     """The final weights under risks; calibrated from the scene's start."""
-    rule = Adaptation(base=BASES[way.base], kind=way.adaptation)
-    request = posed.planner.calibrated(posed.request.adapted(rule), posed.request.start_m)
+    adaptation = Adaptation(base=BASES[way.base], kind=way.adaptation)
+    request = posed.planner.calibrated(posed.request.adapted(adaptation), posed.request.start_m)
     assert request.adaptation is not None
     return request.adaptation.weights
 

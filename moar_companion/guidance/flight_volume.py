@@ -23,7 +23,7 @@ from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
 from ..planner.regions import leg_room_m, obstacle_room_m
-from ..safety.setpoint_gate import distance_m, refusal
+from ..safety.setpoint_gate import Corridor, distance_m, refusal
 from ..site import Site
 from ..text_format import coordinate, distance, limit_text
 from ..types import Vector
@@ -200,14 +200,12 @@ class FlightVolume:
         margin_m = self.site.margin.total_m
         return bool(self._free_lines(np.array([end_m]), np.array(start_m), margin_m)[0])
 
-    def is_rest_of_leg_free(self, corners_m: tuple[Vector, ...], from_m: Vector) -> bool:
+    def is_rest_of_leg_free(self, corners_m: Corridor, from_m: Vector) -> bool:
         """True if the rest of a leg, from a place in its corridor, is outside every keep-out.
 
         If it begins in one, it must come no nearer to that obstacle.
         """
-        rest = list(corners_m)
-        while len(rest) > 1 and distance_m(from_m, tuple(rest[1:])) <= self.corridor_width_m:
-            del rest[0]
+        rest = list(self._rest_of_leg(corners_m, from_m))
         if distance_m(from_m, tuple(rest)) <= self.corridor_width_m:
             rest[0] = from_m
         less_m = self.narrowed_m + self.corridor_width_m
@@ -216,19 +214,26 @@ class FlightVolume:
             for start_m, end_m in itertools.pairwise(rest)
         )
 
+    def _rest_of_leg(self, corners_m: Corridor, from_m: Vector) -> Corridor:
+        """Corners of a leg from the last one before a place in its corridor; else all of them."""
+        while len(corners_m) > 1 and distance_m(from_m, corners_m[1:]) <= self.corridor_width_m:
+            corners_m = corners_m[1:]
+        return corners_m
+
     def rechecked(self, leg: CheckedLeg, from_m: Vector) -> CheckedLeg:
         """The leg with its rest, from a place in its corridor, checked on the present obstacles.
 
-        As in a plan, the room is that of the straight part outside the workspace.
+        As in a plan, the room of a landing leg is that of its straight part outside the workspace.
         """
         barred, room_m = not self.is_rest_of_leg_free(leg.points_m, from_m), leg.room_m
-        points_m = np.ascontiguousarray(np.array(leg.points_m)[:, ::2])
-        outside_m = [self.site.workspace.outside_m((x_m, z_m)) for x_m, z_m in points_m.tolist()]
+        rest_m = np.array(self._rest_of_leg(leg.points_m, from_m))[:, ::2].copy()
+        outside_m = [self.site.workspace.outside_m((x_m, z_m)) for x_m, z_m in rest_m.tolist()]
         outside = np.flatnonzero(np.array(outside_m) > TOLERANCE)
         if outside.size and not leg.is_entry:
-            border_m = points_m[max(0, outside[0] - 1)]
-            room_m = leg_room_m(self.site, self.vehicle, border_m, points_m[-1])
-        return replace(leg, barred=barred, room_m=room_m)
+            border_m = rest_m[max(0, outside[0] - 1)]
+            room_m = leg_room_m(self.site, self.vehicle, border_m, rest_m[-1])
+        rechecked = replace(leg, barred=barred, room_m=room_m)
+        return replace(rechecked, barred=not rechecked.has_room(-self.narrowed_m))
 
     def _free_lines(self, places_m: FloatArray, aircraft_m: FloatArray, less_m: float) -> BoolArray:
         """Mask (n,) of places (n, 3) whose straight line to the aircraft is outside keep-outs.

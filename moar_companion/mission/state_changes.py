@@ -80,7 +80,7 @@ def answer_failed(status: MissionStatus, reason: str) -> tuple[Effect, ...]:
 
 
 def answer_cancelled(status: MissionStatus) -> tuple[Effect, ...]:
-    """Answers an open order that a newer one overtakes."""
+    """Answers an open order that a newer one replaces."""
     if status.order_id is None:
         return ()
     return (Answer(status.order_id, Verdict.CANCELLED, pilot_texts.REPLACED()),)

@@ -78,14 +78,14 @@ def command(
 ) -> Step:
     """Carries out an operator's order."""
     if isinstance(order, Task):
-        return _sought(status, order, order_id, world, now_s)
+        return _requested(status, order, order_id, world, now_s)
     if order is Order.CONTINUE:
         may_continue = status.hold_ordered or status.state in _CONTINUED
         if status.task is None or not may_continue:
             return answer_rejected(status, order_id, pilot_texts.NOTHING_HELD())
         if status.task.done:
             return answer_rejected(status, order_id, pilot_texts.NOTHING_LEFT())
-        return _sought(status, status.task, order_id, world, now_s)
+        return _requested(status, status.task, order_id, world, now_s)
     done = Answer(order_id, Verdict.ACCEPTED)
     replaced, status = answer_cancelled(status), replace(status, order_id=None)
     if order is Order.HOLD and status.state in IN_CONTROL:
@@ -171,7 +171,8 @@ def unplanned(
         inspects = status.task is not None and status.task.mission is Mission.INSPECTION
         failed_tasks = _OUTWARD if failed and inspects else (requested,)
         return replace(status, requested=None).without(*failed_tasks, now_s=now_s), (text,)
-    brake = () if status.state is MissionState.HOLDING else (FlightEffect.BRAKE,)
+    moves = status.state in {MissionState.FLYING, MissionState.LANDING_LEG}
+    brake = (FlightEffect.BRAKE,) if moves else ()
     held = entered(status, MissionState.HOLDING, now_s)
     text = SendText(reason, MissionState.HOLDING.words, serious=True)
     return replace(held, task=requested, resumes=waits), (*brake, text)
@@ -298,11 +299,11 @@ def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s:
     if gravest is not None and gravest.condition.action is Action.RELEASE:
         return end_stream(status, gravest.condition.rest, gravest.reason, now_s)
     if resume and world.mode_ours and task is not None and not task.done:
-        return _sought(status, task, None, world, now_s)
+        return _requested(status, task, None, world, now_s)
     return status, ()
 
 
-def _sought(
+def _requested(
     status: MissionStatus, task: Task, order_id: int | None, world: Situation, now_s: float
 ) -> Step:
     """Requests a task's plan, if it could be flown; in control the flight continues meanwhile."""

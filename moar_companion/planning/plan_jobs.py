@@ -67,7 +67,7 @@ class PlanAnswer:
 
     escape_m: corners of the escape or recovery leg from the start, the plan's first point last; ()
     where the plan begins at the start. reach: to obstacles with the plan's inflation; None: no
-    inflation. too_wide: a plan exists without inflation. failed: the planner gave no answer.
+    inflation. too_wide: a plan exists without inflation. failed: the planner gave no usable answer.
     narrowed_m: part of the margin that the plan omits, since no plan keeps the whole margin.
     would_collide: rejected; an offboard loss or link failsafe on this path would hit an obstacle.
     detail: the reason as a whole sentence, where that is too long for a pilot's text.

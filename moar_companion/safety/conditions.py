@@ -116,7 +116,7 @@ CONDITIONS = (
     ),
     Condition(
         name="energy_evacuation",
-        starts="an evacuation needs less energy than an exit, and would leave at most the "
+        starts="the evacuation is the escape route of less energy, and would leave at most the "
         "vehicle's `reserve_s` of flight; or the exit that is flown would, and an evacuation needs "
         "clearly less",
         action=Action.EVACUATION,
@@ -126,7 +126,8 @@ CONDITIONS = (
     ),
     Condition(
         name="energy_exit",
-        starts="an exit needs less energy than an evacuation, and would leave at most `reserve_s`",
+        starts="the exit is flown, or the escape route of less energy, and would leave at most "
+        "`reserve_s`",
         action=Action.EXIT,
         after_s=2.0,
         over_s=10.0,
@@ -134,10 +135,10 @@ CONDITIONS = (
     ),
     Condition(
         name="failsafe_exposure",
-        starts="a failsafe of the autopilot would hit an obstacle from here: a battery's is "
-        "expected less than `exposure_reserve_s` after the escape route has left all such places; "
-        "or another one, and the aircraft has stayed for `exposure_limit_s` beyond the target's "
-        "dwell",
+        starts="a failsafe of the autopilot would hit an obstacle: a battery's, from here or from "
+        "the escape route, expected less than `exposure_reserve_s` after the route has left all "
+        "such places; or another one from here, where the aircraft has stayed for "
+        "`exposure_limit_s` beyond the target's dwell",
         action=Action.EXIT,
         after_s=1.0,
         over_s=10.0,
@@ -170,10 +171,10 @@ CONDITIONS = (
     ),
     Condition(
         name="offboard_loss_collision",
-        starts="on the flight, or on the next plan that no operator has ordered, the autopilot's "
-        "action after an offboard loss would hit an obstacle (its parameters, its home, the maps "
-        "or the position's uncertainty have changed); under `failsafe_action: refuse` on that plan "
-        "its action after a link loss, too",
+        starts="under `loss_action: refuse`: on an inspection, or on the next plan of one that no "
+        "operator has ordered, the autopilot's action after an offboard loss would hit an obstacle "
+        "(its parameters, its home, the maps or the position's uncertainty have changed); under "
+        "`failsafe_action: refuse` on that plan its action after a link loss, too",
         action=Action.HOLD,
         over_s=1.0,
         override=Override.ORDER,
@@ -336,7 +337,8 @@ CONDITIONS = (
     ),
     Condition(
         name="offboard_loss_unknown",
-        starts="the autopilot's parameters for an offboard loss, or its fence, are not known yet",
+        starts="the autopilot's parameters for an offboard loss or for its failsafes, or its "
+        "fence, are not known yet",
         action=Action.CONTINUE,
     ),
     Condition(

@@ -72,7 +72,7 @@ def table(title: str, head: str, rows: list[str]) -> None:
     sys.stdout.write("\n".join((f"\n{title}\n", head, f"|{rule}|", *rows)) + "\n")
 
 
-def told_in(path: str, model: RiskModel) -> np.ndarray:
+def estimates_in(path: str, model: RiskModel) -> np.ndarray:
     """Time and wind from tilt, (n, 2), for the estimated instants of a recording."""
     witness, estimate = PassiveListener(), RiskEstimate.unknown(model)
     begin_s, due_s, reported = None, 0.0, []
@@ -96,7 +96,8 @@ def recordings() -> list[str]:
     rows = []
     for recording in RECORDINGS:
         default, known = (
-            told_in(recording.path, model) for model in (RiskModel(), drag_of(recording.manner))
+            estimates_in(recording.path, model)
+            for model in (RiskModel(), drag_of(recording.manner))
         )
         for begin_s, end_s, true_mps in recording.segments:
             cells = []

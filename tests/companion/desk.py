@@ -239,7 +239,7 @@ class Desk(ScriptedAutopilot):
         self.companion.receive(link, data, self.now_s)
         return self
 
-    def run_until_sought(self, mission, seconds=10.0):
+    def run_until_requested(self, mission, seconds=10.0):
         """Runs until the planner receives a request for a mission."""
         for _ in range(round(seconds / STEP_S)):
             if self.jobs[-1].request.mission.value == mission:

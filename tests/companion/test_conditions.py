@@ -128,7 +128,7 @@ def test_escape_routes_without_a_plan_hold_until_there_is_one_and_are_reported_s
     desk.plan_delay_s = None
     desk.set(battery_percent=15)
     for mission in ("exit", "evacuation"):
-        desk.run_until_sought(mission).answer_plan(plan=None, reason="no free path leads there")
+        desk.run_until_requested(mission).answer_plan(plan=None, reason="no free path leads there")
     desk.run(1.0)
     assert desk.state == "holding"
     assert desk.said("no free path leads there, no exit")
@@ -148,7 +148,7 @@ def test_escape_routes_without_a_plan_hold_until_there_is_one_and_are_reported_s
 
 def test_the_escape_route_is_requested_again_when_the_planner_is_silent_once():
     desk = Desk().come_to("flying", then_s=4.0)
-    desk.set(plan_delay_s=None, battery_percent=15).run_until_sought("exit").run(5.1)
+    desk.set(plan_delay_s=None, battery_percent=15).run_until_requested("exit").run(5.1)
     assert desk.state == "holding"
     assert desk.said("no plan in 5 s, no exit")
     desk.set(plan_delay_s=0.04).run(2.2)
@@ -157,7 +157,7 @@ def test_the_escape_route_is_requested_again_when_the_planner_is_silent_once():
 
 def test_a_denied_order_leaves_the_evacuation_on():
     desk = Desk().come_to("flying", then_s=4.0)
-    desk.set(charge_state=3, plan_delay_s=None).run_until_sought("evacuation").run(0.6)
+    desk.set(charge_state=3, plan_delay_s=None).run_until_requested("evacuation").run(0.6)
     desk.order(EXIT).run(0.5).set(plan_delay_s=0.04)
     desk.answer_plan(plan=None, reason="no free path leads there").step()
     assert desk.companion.status.requested.mission.value == "evacuation"

@@ -189,7 +189,7 @@ def taken_over(*moved_ned_m):
     return desk
 
 
-def restored(desk):
+def mode_given(desk):
     desk.run_until("ready", 2.0).run(1.1).send_heartbeat(OFFBOARD)
     return desk.run_until("landing_leg", 60.0)
 
@@ -203,7 +203,7 @@ def test_a_leg_that_a_pilot_has_interrupted_is_continued_from_near_it(order, bes
         desk.order(EXIT)
     else:
         desk.go_on()
-    restored(desk)
+    mode_given(desk)
     assert len(desk.jobs) == asked
     assert along_m(desk) > place_m - 0.5
     desk.run_until("holding", 30.0)
@@ -263,7 +263,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg():
     assert desk.answers(PAUSE_CONTINUE) == [DENIED]
     assert desk.state == "idle"
     desk.drift(0.0, 0.0, 3.0).run(1.0).go_on()
-    restored(desk)
+    mode_given(desk)
     assert desk.answers(PAUSE_CONTINUE)[-1] == ACCEPTED
     assert len(desk.jobs) == asked + 1
 

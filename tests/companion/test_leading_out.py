@@ -79,7 +79,7 @@ def test_an_inspection_without_an_evacuation_ends_with_the_exit(planner):
 
 def test_the_next_escape_route_is_searched_in_the_cycle_of_a_failed_search():
     desk = Desk(wind_mps=2.0).set(accuracy_m=0.3).come_to("flying", INSPECTION, then_s=3.0)
-    desk.set(**CRITICAL, plan_delay_s=None).run_until_sought("evacuation")
+    desk.set(**CRITICAL, plan_delay_s=None).run_until_requested("evacuation")
     desk.answer_plan(plan=None, reason="no free way leads there").step()
     assert desk.jobs[-1].request.mission is Mission.EXIT
 

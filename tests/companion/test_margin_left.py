@@ -197,7 +197,7 @@ def in_a_gust():
 
 def test_in_a_gust_an_ordered_exit_is_planned_without_the_momentary_tracking_error():
     desk = in_a_gust()
-    desk.order(EXIT).run_until_sought("exit", 1.0)
+    desk.order(EXIT).run_until_requested("exit", 1.0)
     assert desk.jobs[-1].widening_m == 0.0
 
 

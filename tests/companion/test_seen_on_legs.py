@@ -41,6 +41,29 @@ def test_a_landing_leg_is_not_flown_through_an_obstacle_seen_on_it(on_leg, by_m)
 
 
 @pytest.mark.slow
+def test_an_obstacle_beside_the_passed_part_of_a_landing_leg_does_not_end_it(on_leg):
+    desk = copied(on_leg)
+    while desk.place_m[0] < 36.0:
+        desk.step()
+    desk.conductors = (conductor(31.8, 3.9),)
+    desk.run_until("holding", LONG_S)
+    assert desk.texts()[-1] == "MOAR: above the landing point, holding"
+
+
+@pytest.mark.slow
+def test_on_a_landing_leg_whose_rest_a_seen_keep_out_touches_the_aircraft_brakes(on_leg):
+    """The hull would keep a tenth of a metre less than the keep-out."""
+    desk = copied(on_leg)
+    while desk.place_m[0] < 32.0:
+        desk.step()
+    desk.conductors = (conductor(35.8, 4.7),)
+    desk.run(2.0)
+    assert not any("setpoint" in text for text in desk.texts())
+    assert desk.companion._executor.routes.flight.barred_by is None
+    assert_is_not_hit(desk, (35.8, 4.7))
+
+
+@pytest.mark.slow
 def test_a_held_landing_leg_is_not_resumed_through_an_obstacle_seen_meanwhile(on_leg):
     desk = copied(on_leg)
     spot_m = ahead(desk, 4.0)

@@ -80,7 +80,7 @@ def test_a_frame_shift_without_a_jump_moves_no_setpoint_in_the_autopilots_frame(
 
 def test_a_stopped_flight_searches_its_escape_route_from_its_place(monkeypatch):
     desk = Desk().come_to("flying", then_s=3.0).set(plan_delay_s=None, battery_percent=15)
-    desk.run_until_sought("exit")
+    desk.run_until_requested("exit")
     of_now = PathFollower.setpoint
     with monkeypatch.context() as once:
         once.setattr(PathFollower, "setpoint", lambda *arguments: jumped(of_now(*arguments)))

@@ -54,7 +54,7 @@ def test_any_sender_can_stop_the_aircraft_in_flight_but_not_resume_the_flight(wo
 @pytest.mark.slow
 def test_a_strangers_hold_does_not_end_the_supervisors_escape_route():
     desk, stranger = Desk().come_to("flying"), Peer(42, 1)
-    desk.run(2.0).set(battery_percent=12).run_until_sought("exit")
+    desk.run(2.0).set(battery_percent=12).run_until_requested("exit")
     desk.run(2.0)
     assert desk.companion.status.task.mission.value == "exit"
     desk.handle(stranger.command(USER_1, HOLD)).run(2.0)

@@ -72,8 +72,8 @@ def test_a_value_above_its_limit_is_reported_with_so_many_digits_that_both_diffe
     if value < limit + 0.0049:  # more than two digits
         assert words == f"wind over {limit:g} m/s"
         return
-    shown, told_limit = re.fullmatch(r"wind (\S+) m/s > (\S+)", words).groups()
-    assert float(shown) > float(told_limit) == limit
+    shown, shown_limit = re.fullmatch(r"wind (\S+) m/s > (\S+)", words).groups()
+    assert float(shown) > float(shown_limit) == limit
     assert_is_for_pilots(pilot_text(words, "holding"))
 
 

@@ -105,7 +105,7 @@ def test_a_condition_that_holds_the_mission_is_reported_once_with_its_action(des
 
 
 def test_a_condition_that_an_escape_route_overrides_is_reported(desk):
-    desk.set(battery_percent=15).run_until_sought("exit").run(1.0).set(wind_mps=21.4).run(5.0)
+    desk.set(battery_percent=15).run_until_requested("exit").run(1.0).set(wind_mps=21.4).run(5.0)
     assert (desk.state, flown(desk)) == ("landing_leg", Mission.EXIT)
     assert desk.said("MOAR: wind reported 21.4 m/s")
 

@@ -132,7 +132,7 @@ def test_after_a_hold_that_is_ordered_outside_the_aircraft_stays_until_it_was_ba
     flight, here = blown_off(None)
     recovery, status = WindRecovery(Silent()), MissionStatus(state=MissionState.HOLDING)
     recovery.act(flight, here, status, Ruling(), 0.0, 100.0)
-    recovery.note_hold()
+    recovery.note_hold(flight)
     flight.brake()
     for now_s in (101.0, 110.0, 120.0):
         recovery.act(flight, at_rest(flight), status, Ruling(), 0.0, now_s)
@@ -144,7 +144,7 @@ def test_after_a_hold_that_is_ordered_outside_the_aircraft_stays_until_it_was_ba
     assert flight.recovers
 
 
-def test_a_path_back_is_sought_every_five_seconds_and_an_operator_asked_every_ten_to_fly_back():
+def test_a_path_back_is_searched_every_five_seconds_and_an_operator_asked_every_ten_to_fly_back():
     vehicle = usual_planner().vehicle
     near = replace(vehicle, guidance=replace(vehicle.guidance, recovery_m=2.0))
     flight, here = blown_off(None, vehicle=near)

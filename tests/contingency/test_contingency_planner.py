@@ -54,7 +54,7 @@ def test_on_the_ground_no_escape_route_is_planned():
     assert forecast(desk).better is None
 
 
-def test_without_a_site_there_is_no_outlook():
+def test_without_a_site_there_is_no_energy_forecast():
     assert Desk(with_site=False).run(1.0).companion.energy_forecast is None
 
 

@@ -26,11 +26,11 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Reported and true wind at one instant. told_mps, tilt_mps: None where unknown."""
+    """Reported and true wind at one instant. reported_mps, tilt_mps: None where unknown."""
 
     time_s: float
     risk: float
-    told_mps: float | None
+    reported_mps: float | None
     tilt_mps: float | None
     true_mps: float
     velocity_ned_mps: tuple[float, float, float]
@@ -127,7 +127,7 @@ class AirFlight(Lockstep):
             Progress(
                 time_s=self.now_s,
                 risk=self.companion.risk.indices.wind,
-                told_mps=None if use is None else use.value,
+                reported_mps=None if use is None else use.value,
                 tilt_mps=tilt.value if tilt is not None and tilt.known else None,
                 true_mps=math.hypot(*self.truth.wind_ned_mps[:2]),
                 velocity_ned_mps=self.truth.velocity_ned_mps,

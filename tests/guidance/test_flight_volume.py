@@ -62,10 +62,20 @@ def test_only_the_rest_of_a_leg_has_to_keep_its_distance_from_obstacles():
 def test_a_rechecked_landing_leg_has_the_room_to_obstacles_that_were_seen_since(is_entry):
     space = volume(conductor(13.0, 9.5, 0.1, keep_out=0.5, name="seen"))
     points_m = tuple((x_m, 0.0, 7.5) for x_m in (8.5, 10.0, 12.0, 14.0, 16.0))
-    leg = CheckedLeg(points_m=points_m, room_m=9.0, is_entry=is_entry)
-    leg = space.rechecked(leg, points_m[0])
+    planned = CheckedLeg(points_m=points_m, room_m=9.0, is_entry=is_entry)
+    leg = space.rechecked(planned, points_m[0])
     assert not leg.barred
     assert leg.room_m == (9.0 if is_entry else pytest.approx(2.0 - 0.6 - VEHICLE.radius_m))
+    rest = space.rechecked(planned, points_m[4])
+    assert rest.room_m == (9.0 if is_entry else pytest.approx(13**0.5 - 0.6 - VEHICLE.radius_m))
+
+
+def test_a_landing_leg_through_a_seen_keep_out_is_barred_on_the_way_there_only():
+    space = volume(conductor(13.0, 8.4, 0.1, keep_out=0.5, name="seen"))
+    points_m = tuple((x_m, 0.0, 7.5) for x_m in (8.5, 10.0, 12.0, 14.0, 16.0))
+    planned = CheckedLeg(points_m=points_m, room_m=9.0)
+    assert space.rechecked(planned, points_m[0]).barred
+    assert not space.rechecked(planned, points_m[4]).barred
 
 
 def test_a_place_beside_the_plane_is_left_straight_for_the_plane():

@@ -213,7 +213,7 @@ def test_a_hold_with_too_little_clearance_resumes_by_an_escape_leg(desk):
 
 
 def test_an_escape_route_of_a_low_battery_continues_with_too_little_clearance(desk):
-    desk.come_to("at_target").set(battery_percent=19).run_until_sought("exit")
+    desk.come_to("at_target").set(battery_percent=19).run_until_requested("exit")
     desk.run(0.3).set(accuracy_m=1.8)
     stopped = desk.now_s
     desk.run_until("landing_leg", 60.0)
@@ -229,7 +229,7 @@ def test_an_escape_route_not_found_is_planned_again_when_the_accuracy_improves(d
     desk.plan_delay_s = None
     desk.set(battery_percent=19, accuracy_m=1.5)
     for mission in ("exit", "evacuation"):
-        desk.run_until_sought(mission, 8.0)
+        desk.run_until_requested(mission, 8.0)
         desk.answer_plan(plan=None, reason="no free border cell", too_wide=True)
     desk.run_until("holding", 1.0)
     assert desk.said("no path, uncertainty 1.5 m, no evacuation")

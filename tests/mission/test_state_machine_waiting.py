@@ -27,6 +27,7 @@ def test_the_next_target_waits_until_there_is_room():
     flight = no_room(story(S.AT_TARGET).tick(6.0))
     rest = flight.status.task
     assert (flight.state, rest.stops) == ("holding", INSPECTION.stops[1:])
+    assert FlightEffect.BRAKE not in flight.effects, "at a target the nose stays"
     assert flight.said_then[-1].endswith(", holding")
     flight.tick(60.0)
     assert (flight.state, flight.requested) == ("holding", [])

@@ -21,7 +21,7 @@ from .report import summary
 
 TRACED = (
     "time_s", "mode", "state", "x_m", "y_m", "z_m", "error_x_m", "error_y_m", "error_z_m",
-    "told_accuracy_m", "wind_x_mps", "wind_y_mps", "wind_z_mps", "setpoint_x_m", "setpoint_y_m",
+    "reported_accuracy_m", "wind_x_mps", "wind_y_mps", "wind_z_mps", "setpoint_x_m", "setpoint_y_m",
     "setpoint_z_m", "setpoint_moves",
 )  # fmt: skip
 

@@ -193,7 +193,7 @@ def battery_unreported(flight, rng):
 
 
 @kind("one motor's output is reported as 0 or as full", lasts_s=(3.0, 20.0))
-def motor_output_told(flight, rng):
+def motor_output_reported(flight, rng):
     value, motor = rng.choice((1000, 2000)), rng.randint(1, 4)
     flight.note(motor=motor, value=value)
 
