@@ -60,9 +60,12 @@ class FlightLimits:
 
     @property
     def volume(self) -> FlightVolume | None:
-        """Flight volume of the vehicle; None while no mission can start."""
+        """Flight volume of the vehicle; None before offboard-loss action and fence were known.
+
+        With the last known fence, if the present one is unknown: a flight must not end by that.
+        """
         site_maps, loss = self.site_maps, self.offboard_loss.loss
-        if site_maps is None or loss is None or self._fences.not_ready_reason is not None:
+        if site_maps is None or loss is None or not self._fences.is_placed:
             return None
         return FlightVolume(
             site=site_maps.site,

@@ -133,7 +133,9 @@ class RouteManager:
         if self._is_barred(awaited, answer):
             self._plans.ask_again(awaited, self.limits.site_maps, now_s)
             return None
-        return taken
+        if self._plans.asked_maps is not self.limits.site_maps:
+            answer = replace(answer, reach=None)  # which lacks obstacles of the present maps
+        return awaited, answer
 
     def _is_barred(self, awaited: Awaited, answer: PlanAnswer) -> bool:
         """True if the maps have changed since a plan was requested, and bar a cell or leg of it."""

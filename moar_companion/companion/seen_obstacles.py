@@ -58,6 +58,8 @@ class SeenObstacles:
         self._job_id = 0
         self._asked_s: float | None = None
         """Time of the pending job; None without one."""
+        self._newer_s: float | None = None
+        """Time of the first report that came while the job was pending."""
         self._unmapped_s: float | None = None
         """Time since which the maps lack an obstacle; None if they have all."""
         self._jobs: list[MapJob] = []
@@ -163,8 +165,12 @@ class SeenObstacles:
     def update(self, now_s: float, *, on_ground: bool) -> None:
         """Requests maps when the obstacles differ from those of the last request."""
         report, before = self.report, self._mapped_report
-        if report is None or self._site is None or report is before or self._asked_s is not None:
+        if report is None or self._site is None or report is before:
             return
+        if self._asked_s is not None:
+            self._newer_s = now_s if self._newer_s is None else self._newer_s
+            return
+        newer_s, self._newer_s = self._newer_s, None
         self._mapped_report = report
         if before is not None and report.began_s != before.began_s:
             self._before, self._current = (*self._before, *self._current), ()
@@ -187,7 +193,7 @@ class SeenObstacles:
         self._job_id += 1
         self._asked_s = now_s
         if self._unmapped_s is None:
-            self._unmapped_s = now_s
+            self._unmapped_s = now_s if newer_s is None else newer_s
         self._jobs.append(
             MapJob(
                 job_id=self._job_id,

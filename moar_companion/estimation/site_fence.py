@@ -52,6 +52,11 @@ class SiteFence:
         self.assumption: str | None = None
         """Text about unreported parts of the fence; None: all reported, or still requested."""
 
+    @property
+    def is_placed(self) -> bool:
+        """True once a fence, or that there is none, was known with its place."""
+        return self._placed is not None
+
     def learn(
         self,
         kind: AutopilotKind,

@@ -99,7 +99,8 @@ class FlownPath:
         left = self.legs[-1] if self.on_leg and self.legs else None
         if left is None or not volume.site.workspace.outside_m((x_m, z_m)):
             return None
-        path = self.within(volume.widened(self.volume.reach, self.volume.narrowed_m))
+        reach = self.volume.reach if volume.maps is self.volume.maps else None
+        path = self.within(volume.widened(reach, self.volume.narrowed_m))
         volume, trajectory = path.volume, path.reference.trajectory
         there = np.array(pose.position_m)
         apart_m = np.sqrt(((trajectory.position_m - there) ** 2).sum(axis=1))

@@ -305,10 +305,12 @@ class PathFollower:
             self.stop_at(vector(reference.position_m))
 
     def _go_along(self, pose: Pose, step_s: float) -> None:
-        """Moves the setpoint, at rest, with an aircraft that the wind moves beyond the leash."""
+        """Moves the setpoint, at rest, to an aircraft beyond the leash or a seen obstacle."""
         leash_m = self._drift.leash_m(self._vehicle)
         place_m, error_m = self._path.place_m, self.error_m(pose)
-        moved_m = None
+        slow_m, moved_m = self._vehicle.guidance.tracking_slow_m, None
+        if slow_m < error_m <= leash_m and not self._volume.is_free_leg(pose.position_m, place_m):
+            leash_m = error_m - 0.5 * self._volume.maps.grid.resolution_m
         if error_m > leash_m:
             moved_m = self._volume.carried_m(place_m, pose.position_m, leash_m)
         if moved_m is None:

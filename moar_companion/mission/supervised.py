@@ -60,7 +60,7 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: boo
     if status.state is MissionState.HOLDING:
         if status.requested is None:
             return status, ()
-        resumes = resumes and (status.resumes or status.order_id is None)
+        resumes = resumes and status.resumes
         held = replace(status, requested=None, order_id=None, resumes=resumes)
         return held, (*failed, FlightEffect.BRAKE)
     left = status.task is not None and not status.task.done
@@ -100,7 +100,7 @@ def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
     wanted = choices[0]
     if status.order_id is None and wanted == (status.requested or (None if holds else task)):
         return None
-    requested = replace(status, requested=wanted, order_id=None, resumes=False)
+    requested = replace(status, requested=wanted, order_id=None)
     action = _ACTION_TEXTS[wanted.mission]
     text = SendText(ruling.reason, action, serious=True, is_new=False, condition=ruling.name)
     return requested, (*answer_failed(status, ruling.reason), text, RequestPlan(wanted))

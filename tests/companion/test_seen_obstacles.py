@@ -197,6 +197,16 @@ def test_maps_that_come_late_hold_and_are_taken(desk):
     assert desk.companion._executor.routes.limits.site_maps.site.obstacles[-1].name == "seen-1"
 
 
+def test_an_obstacle_reported_while_other_maps_are_made_counts_as_missing_from_then_on(desk):
+    desk.map_delay_s = 0.95
+    desk.conductors = (conductor(2.0, 15.0),)
+    while not desk.map_jobs:
+        desk.step()
+    desk.conductors += (conductor(*TWO_M[1], "seen-2"),)
+    desk.run(0.1 + SETTINGS.timeout_s + 0.2)
+    assert "perception" in desk.companion.ruling.names
+
+
 def test_an_obstacle_whose_removal_failed_is_removed_later(desk):
     desk.conductors = (conductor(3.0, 14.5),)
     desk.run(0.5)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
+import math
 
-from tests.companion.desk import EXIT, PAUSE_CONTINUE, USER_1
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.companion.desk import EXIT, HOLD, PAUSE_CONTINUE, STEP_S, USER_1
 from tests.companion.scripted_autopilot import OFFBOARD, POSCTL
 from tests.companion.watched import Watched, ahead, conductor, copied, nearest_m
 
@@ -125,3 +128,70 @@ def test_a_free_path_is_taken_at_once_where_an_obstacle_bars_the_leg_of_the_acti
     desk.conductors = (conductor(*spot_m),)
     desk.run(1.0)
     assert desk.companion._executor.routes.flight.barred_by is None
+
+
+def test_a_fence_about_an_unknown_home_does_not_hide_seen_obstacles_from_a_flight():
+    """ArduPilot has not reported home, and its fence is enabled in flight."""
+    desk = exits(autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA).run_until("ready")
+    desk.send_heartbeat(desk.ours)
+    desk.run_until("landing_leg", 60.0).set_parameters(FENCE_ENABLE=1.0)
+    desk.run(0.5)
+    spot_m = ahead(desk, 4.0)
+    desk.conductors = (conductor(*spot_m),)
+    assert_is_not_hit(desk, spot_m)
+
+
+class Pushed(Watched):
+    """An aircraft that follows its setpoint, and that wind pushes at a constant speed."""
+
+    push_mps = (0.0, 0.0, 0.0)
+
+    def take_what_is_sent(self):
+        before_m = self.position_ned_m
+        super().take_what_is_sent()
+        if self.mode != self.ours or before_m == self.position_ned_m:
+            return
+        self.velocity_ned_mps = tuple(
+            max(-3.0, min(3.0, 0.95 * (wanted_m - at_m))) + push_mps
+            for at_m, wanted_m, push_mps in zip(
+                before_m, self.position_ned_m, self.push_mps, strict=True
+            )
+        )
+        self.position_ned_m = tuple(
+            at_m + speed_mps * STEP_S
+            for at_m, speed_mps in zip(before_m, self.velocity_ned_mps, strict=True)
+        )
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_an_aircraft_beside_its_setpoint_does_not_return_through_an_obstacle_seen_between(held):
+    """Steady wind holds it 2.5 m away, and then abates."""
+    desk = Pushed().set(accuracy_m=0.3).fly(1.0)
+    if held:
+        desk.order(HOLD)
+    desk.push_mps = (0.0, 2.4, 0.0)
+    desk.run(6.0)
+    setpoint_m = desk.companion.progress.setpoint.position_m
+    spot_m = tuple((a + b) / 2.0 for a, b in zip(setpoint_m[::2], desk.place_m[::2], strict=True))
+    assert 2.0 < math.dist(setpoint_m, desk.place_m) < desk.vehicle.guidance.leash_m
+    desk.conductors = (conductor(*spot_m),)
+    desk.run(5.0)
+    desk.push_mps = (0.0, 0.0, 0.0)
+    assert nearest_m(desk, spot_m, 10.0) > desk.vehicle.radius_m
+
+
+def test_a_resumed_leg_has_the_speed_limits_of_the_present_maps():
+    """Before the takeover obstacles were inflated by the position's uncertainty."""
+    desk = Watched().set(accuracy_m=1.4).run(2.0).order(EXIT).run_until("ready").run(1.0)
+    desk.send_heartbeat(OFFBOARD)
+    desk.run_until("landing_leg", 60.0).run(1.5)
+    assert desk.companion._executor.routes.flight.path.volume.reach is not None
+    x_m, z_m = ahead(desk, 2.0)
+    desk.send_heartbeat(POSCTL)
+    desk.run(0.7)
+    desk.conductors = (conductor(x_m, z_m + 2.6),)
+    desk.run(1.0).order(EXIT).run(0.3)
+    desk.send_heartbeat(OFFBOARD)
+    desk.run(0.1)
+    volume = desk.companion._executor.routes.flight.path.volume
+    assert (desk.state, volume.reach) == ("landing_leg", None)

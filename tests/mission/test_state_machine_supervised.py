@@ -181,6 +181,14 @@ def test_wind_that_returns_during_the_resume_holds_again_and_then_resumes():
     assert flight.requested == [INSPECTION]
 
 
+def test_an_operators_hold_outlasts_an_escape_that_was_searched_in_vain_and_a_later_hold():
+    flight = story(S.FLYING).order(Order.HOLD).see(**RESERVE).tick(3.1)
+    assert [task.mission for task in flight.requested] == [Mission.EXIT]
+    flight.see(battery_reserve=None).tick(10.1).see(**WIND).tick(3.1)
+    flight.see(wind=None).tick(60.0)
+    assert (flight.state, flight.requested, flight.status.task) == ("holding", [], INSPECTION)
+
+
 def test_an_operators_hold_outlasts_the_supervisors():
     flight = story(S.FLYING).see(**WIND).tick(3.1).order(Order.HOLD)
     flight.see(wind=None).tick(60.0)
