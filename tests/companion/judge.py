@@ -43,6 +43,10 @@ _HARDER = 4.0
 _JUMP_M = 0.1
 """A greater step between two positions is a jump, which moves the setpoint."""
 _JUMP_S = 0.4
+_RESTART_S = 0.36
+"""Time in which packets of a restarted autopilot may be late ones of before."""
+_BESIDE_M = 1.0
+"""An escape leg may begin as far beside the plane."""
 _REPEAT_S = 2.0
 """A command repeated by its sender within this time is the same order, ..."""
 _CONFIRMED_REPEAT_S = 30.0
@@ -82,6 +86,8 @@ class Judge:
         self.restarted_s = -math.inf
         self.accuracy_m = {}
         self.jumps = deque()
+        self.jumped_m = (0.0, 0.0, 0.0)
+        """Sum of all jumps since the stream began."""
         # Orders
         self.given_s = {}
         self.awaiting = set()
@@ -123,7 +129,7 @@ class Judge:
                 self._judge_mode_request(message)
         if not streamed:
             self.may_stream = False if not self.awaiting else self.may_stream
-            self.last = None
+            self.last, self.jumped_m = None, (0.0, 0.0, 0.0)
             if not (self.awaiting or self.may_stream):
                 self.legs, self.escapes = [], []
         self.pilots |= self.controlled and self._mode() != self.our_mode
@@ -184,6 +190,8 @@ class Judge:
             moved_m = math.dist(place, self.position[1])
             if moved_m > _JUMP_M:
                 self.jumps.append((now_s, moved_m))
+                steps_m = (b - a for a, b in zip(self.position[1], place, strict=True))
+                self.jumped_m = tuple(map(sum, zip(self.jumped_m, steps_m, strict=True)))
         self.position, self.position_s = (message.time_boot_ms, place), now_s
 
     def _handle_order(self, message, source, now_s):
@@ -252,7 +260,7 @@ class Judge:
             "an old position": now_s - self.position_s > LIMITS.position_timeout_s,
             "an old attitude": now_s - self.attitude_s > _ATTITUDE_S,
             "a second autopilot": now_s - self.foreign_s < _SECOND_S,
-            "a restart": self.restarted_s > self.looked_s,
+            "a restart": self.looked_s < self.restarted_s + _RESTART_S <= now_s,
             "a pause": now_s - self.looked_s > LIMITS.position_timeout_s,
         }
         return next((reason for reason, holds in reasons.items() if holds), None)
@@ -287,10 +295,11 @@ class Judge:
         self._judge_motion(place, velocity, now_s)
         here = local_place(self.desk.site, self.manner, self.origin, message)
         objection = self._objection(here, velocity)
-        if objection is not None and self.jumps and not any(velocity):
-            self._forbid()  # the last setpoint, at rest after a jump
-        else:
-            assert objection is None, objection
+        if objection is None or (not any(velocity) and self._jumped_to(here)):
+            return
+        assert self.jumps, objection
+        assert not any(velocity), objection
+        self._forbid()  # the last setpoint, at rest after a jump
 
     def _judge_motion(self, place, velocity, now_s):
         speed = self.desk.vehicle.speed
@@ -326,11 +335,25 @@ class Judge:
         width_m = space.resolution_m + _FORGIVEN_M
         room_m = clearances_m(self.desk.site, [place], keep_out=True)[0] + width_m
         roomy = room_m >= self.desk.vehicle.radius_m + widened_m
-        legs = [*self.escapes, *self.legs] if roomy else self.escapes
-        beside_m = [math.hypot(leg.distance(Point(x_m, z_m)), y_m) for leg in legs]
+        here = Point(x_m, z_m)
+        beside_m = [
+            math.hypot(leg.distance(here), max(0.0, abs(y_m) - _BESIDE_M)) for leg in self.escapes
+        ]
+        if roomy:
+            beside_m += [math.hypot(leg.distance(here), y_m) for leg in self.legs]
         if min(beside_m, default=math.inf) <= width_m:
             return None
         return f"not free: {place}, {widened_m:.1f} m"
+
+    def _jumped_to(self, place):
+        """True for rest where jumps, no greater than the margin, have put it, out of keep-outs."""
+        site, margin = self.desk.site, margin_of(self.desk.vehicle, LIMITS)
+        clear_m = clearances_m(site, [place], keep_out=True)[0] + site.margin.total_m
+        return (
+            0.0 < math.hypot(*self.jumped_m) <= margin.total_m + _JUMP_M
+            and abs(place[1]) <= LIMITS.plane_tolerance_m + _FORGIVEN_M
+            and clear_m >= self.desk.vehicle.radius_m - _FORGIVEN_M
+        )
 
     def _is_free(self, cell, widened_m):
         key = (cell, widened_m)

@@ -109,7 +109,10 @@ def happens(**arguments):
 
 
 class AnyInput(RuleBasedStateMachine):
-    """An autopilot that tells anything, operators who order anything, a shell that pauses."""
+    """An autopilot that reports anything, operators who order anything, a shell that pauses."""
+
+    looked, streamed = 0, 0
+    """Cycles of all examples, and those with a setpoint."""
 
     @initialize(
         kind=st.sampled_from([mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA]),
@@ -163,6 +166,8 @@ class AnyInput(RuleBasedStateMachine):
         for _ in range(round(seconds / STEP_S)):
             self.desk.step()
             self.judge.look()
+            AnyInput.looked += 1
+            AnyInput.streamed += self.judge.streaming
             silent = 0 if self.judge.streaming else silent + 1
             if silent > _SILENT_STEPS:
                 return
@@ -170,7 +175,7 @@ class AnyInput(RuleBasedStateMachine):
     def _order(self, command, parameter):
         """By an operator who has never ordered anything: else it might count as a repeat."""
         self.operators += 1
-        self.operator = Peer(100 + self.operators % 100, 190)
+        self.operator = Peer(240 + self.operators % 15, 190 + self.operators // 15 % 50)
         self.last_order = (command, parameter, -1.0)
         self.desk.order(parameter, command=command, peer=self.operator)
 
@@ -427,6 +432,7 @@ def _without_numbers(words):
 
 
 def check(examples):
+    AnyInput.looked, AnyInput.streamed = 0, 0
     run_state_machine_as_test(
         AnyInput,
         settings=settings(
@@ -437,6 +443,7 @@ def check(examples):
             database=None,
         ),
     )
+    assert AnyInput.streamed > 0.3 * AnyInput.looked, "orders are not carried out"
 
 
 def test_no_sequence_of_inputs_makes_the_companion_send_a_forbidden_packet():
