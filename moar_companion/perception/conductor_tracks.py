@@ -1,4 +1,8 @@
-"""Tracks of conductors from scan to scan: confirmed by sightings, removed after repeated misses."""
+"""Tracks of conductors from scan to scan: confirmed by sightings, removed after repeated misses.
+
+A scan misses a conductor only if it measured beyond it. A beam without an echo shows nothing: the
+window may be covered, or no beam was sent there. A track in front of the sky stays.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,10 @@ import numpy.typing as npt
 from ..types import Vector
 from .perception_report import SeenConductor
 from .plane_rays import PlaneRays, sector_of
-from .scan_conductors import ConductorSighting
+from .scan_conductors import LEAST_RINGS, ConductorSighting
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 GATE_M = 0.5
@@ -72,8 +77,17 @@ class ConductorTracks:
         self._tracks: list[_Track] = []
         self._confirmed = 0
 
-    def step(self, seen: Iterable[ConductorSighting], time_s: float, rays: PlaneRays) -> None:
-        """Takes the sightings of a scan, and the rays that it measured in the plane."""
+    def step(
+        self,
+        seen: Iterable[ConductorSighting],
+        time_s: float,
+        rays: PlaneRays,
+        ring: IntArray,
+    ) -> None:
+        """Takes the sightings of a scan, the rays that it measured in the plane, and their rings.
+
+        ring: (n,) number of the laser of each ray.
+        """
         self._tracks = [
             track
             for track in self._tracks
@@ -100,7 +114,7 @@ class ConductorTracks:
         for index in free:
             track = self._tracks[index]
             beside = any(self._distance(each, track.x_m, track.z_m) < _BESIDE_M for each in others)
-            if beside or _missed(track, rays, before_m):
+            if beside or _missed(track, rays, ring, before_m):
                 self._tracks[index] = replace(track, missed=track.missed + 1)
         self._tracks = [track for track in self._tracks if track.missed < _MISSED]
 
@@ -189,10 +203,12 @@ def _slope(sighting: ConductorSighting) -> tuple[float, float]:
     return float(x / y), float(z / y)
 
 
-def _missed(track: _Track, rays: PlaneRays, before_m: FloatArray) -> bool:
-    """Returns True if the scan must show the conductor, and has no echo there or in front of it.
+def _missed(track: _Track, rays: PlaneRays, ring: IntArray, before_m: FloatArray) -> bool:
+    """Returns True if the scan measured beyond the conductor, all around it, and not before.
 
-    before_m: least measured distance by direction.
+    Beams of as many rings as a sighting needs end beyond it, in the slab up to there. Every two
+    neighbouring directions have such beams together, since beams may be farther apart than
+    directions. before_m: least measured distance by direction.
     """
     x, z = track.x_m - rays.centre_m[0], track.z_m - rays.centre_m[1]
     distance = math.hypot(x, z)
@@ -201,4 +217,10 @@ def _missed(track: _Track, rays: PlaneRays, before_m: FloatArray) -> bool:
     around = math.ceil(math.asin(min(_OWN_M / distance, 1.0)) / (2.0 * math.pi) * rays.sectors)
     middle = int(sector_of(np.array([x]), np.array([z]), rays.sectors)[0])
     sectors = np.arange(middle - around, middle + around + 1) % rays.sectors
-    return bool((before_m[sectors] > distance + GATE_M).all())
+    if (before_m[sectors] <= distance + GATE_M).any():
+        return False
+    beyond = rays.reach_m > distance + GATE_M
+    by_ring = np.zeros((rays.sectors, int(ring.max(initial=0)) + 1), dtype=bool)
+    by_ring[rays.sector[beyond], ring[beyond]] = True
+    rings = (by_ring[sectors[1:]] | by_ring[sectors[:-1]]).sum(axis=1)
+    return bool((rings >= LEAST_RINGS).all())

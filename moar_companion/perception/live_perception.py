@@ -200,7 +200,7 @@ class LivePerception:
         echoes, ring = narrow_echoes(points, sensors, scan.ring, scan.time_s)
         found = sightings(echoes, ring, sensor, _ACROSS, self._random)
         known = {conductor.name for conductor in self._tracks.conductors}
-        self._tracks.step(found, time_s, rays)
+        self._tracks.step(found, time_s, rays, scan.ring)
         new = [each.position_m for each in self._tracks.conductors if each.name not in known]
         # Earlier scans counted its first echoes as a solid obstacle.
         self._occupancy.release(new, _RELEASED_M)

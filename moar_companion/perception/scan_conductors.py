@@ -42,7 +42,8 @@ _TURNED_RAD = math.radians(17.0)
 _RADIUS_M = 0.12
 """Greatest distance of echoes of one conductor from its line."""
 _AROUND_M = 0.6
-_LEAST_RINGS = 6
+LEAST_RINGS = 6
+"""Least number of rings with echoes of a conductor."""
 _RING_SHARE = 0.6
 """Least share of the rings between the first and the last with an echo."""
 _LEAST_CLEAR = 0.6
@@ -119,7 +120,7 @@ def sightings(
     if len(echoes_m) > _MOST_ECHOES:
         kept = np.sort(random.choice(len(echoes_m), _MOST_ECHOES, replace=False))
         echoes_m, ring = echoes_m[kept], ring[kept]
-    if len(echoes_m) < _LEAST_RINGS:
+    if len(echoes_m) < LEAST_RINGS:
         return []
     # Columns: one along the axis, two across.
     aside = np.cross(axis, np.eye(3)[np.argmin(abs(axis))])
@@ -215,7 +216,7 @@ def _refined(
     on = free
     for _ in range(2):
         on = free & (_Line(at=at, slope=slope, on=on).distance_m(places) < _RADIUS_M)
-        if on.sum() < _LEAST_RINGS:
+        if on.sum() < LEAST_RINGS:
             return None
         middle = places[on].mean(axis=0)
         offset = places[on] - middle
@@ -229,7 +230,7 @@ def _refined(
 def _has_rings(seen_by: IntArray) -> bool:
     """Returns True for echoes of enough rings, and of most between the first and the last."""
     rings = np.unique(seen_by)
-    if len(rings) < _LEAST_RINGS:
+    if len(rings) < LEAST_RINGS:
         return False
     return len(rings) >= _RING_SHARE * (int(rings[-1]) - int(rings[0]) + 1)
 

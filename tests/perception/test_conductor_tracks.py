@@ -19,28 +19,38 @@ def sighting(x, z, slope=0.0):
     )
 
 
-def rays_to(*places):
-    """A scan that measured these places (x, z)."""
+def rays_to(*places, rings=(), beside_m=0.0, turned_deg=(-8.0, 8.0, 0.2), sensor_m=SENSOR):
+    """A scan that measured these places (x, z), and by `rings` a wall behind (5, 12).
+
+    beside_m: distance of the wall's echoes from the plane, beyond those of the sensor's fan.
+    turned_deg: first, last and step of the directions of its beams, from that of (5, 12).
+    """
+    way_rad = np.arctan2(2.0, 5.0) + np.radians(np.arange(*turned_deg))
+    way_rad, ring = (each.ravel() for each in np.meshgrid(way_rad, np.array(rings, int)))
+    aside_m = 10.0 * np.tan(np.radians(2.0 * ring - 15.0)) + beside_m
+    wall = np.column_stack((10.0 * np.cos(way_rad), aside_m, 10.0 + 10.0 * np.sin(way_rad)))
     points = np.array([(x, 0.0, z) for x, z in places]).reshape(-1, 3)
-    return PlaneRays.of(points, SENSOR, 720)
+    rays = PlaneRays.of(np.concatenate((points, wall)), sensor_m, 720)
+    return rays, np.concatenate((np.zeros(len(points), int), ring))
 
 
 NOTHING = rays_to()
+RINGS = range(16)
 
 
 def confirmed(*seen):
     tracks = ConductorTracks()
     for number in range(5):
-        tracks.step(seen, 0.1 * number, NOTHING)
+        tracks.step(seen, 0.1 * number, *NOTHING)
     return tracks
 
 
 def test_a_conductor_is_confirmed_by_five_sightings():
     tracks = ConductorTracks()
     for number in range(4):
-        tracks.step([sighting(5.0, 12.0)], 0.1 * number, NOTHING)
+        tracks.step([sighting(5.0, 12.0)], 0.1 * number, *NOTHING)
         assert tracks.conductors == ()
-    tracks.step([sighting(5.1, 12.0)], 0.4, NOTHING)
+    tracks.step([sighting(5.1, 12.0)], 0.4, *NOTHING)
     (conductor,) = tracks.conductors
     assert conductor.name == "seen-1"
     assert conductor.sightings == 5
@@ -53,7 +63,7 @@ def test_a_name_stays_with_its_conductor():
     tracks = confirmed(sighting(5.0, 12.0), sighting(-5.0, 12.0))
     for number in range(5, 12):
         seen = [sighting(-5.0, 12.0), sighting(8.0, 9.0), sighting(5.0, 12.0)]
-        tracks.step(seen, 0.1 * number, NOTHING)
+        tracks.step(seen, 0.1 * number, *NOTHING)
     found = [(each.name, round(each.position_m[0])) for each in tracks.conductors]
     assert found == [("seen-1", 5), ("seen-2", -5), ("seen-3", 8)]
 
@@ -72,20 +82,50 @@ def test_the_wires_of_a_bundle_are_two():
 
 def test_a_single_sighting_is_dropped():
     tracks = ConductorTracks()
-    tracks.step([sighting(5.0, 12.0)], 0.0, NOTHING)
+    tracks.step([sighting(5.0, 12.0)], 0.0, *NOTHING)
     for number in range(4):
-        tracks.step([sighting(5.0, 12.0)], 2.0 + 0.1 * number, NOTHING)
+        tracks.step([sighting(5.0, 12.0)], 2.0 + 0.1 * number, *NOTHING)
     assert tracks.conductors == ()
 
 
-@pytest.mark.parametrize("behind", [(), ((10.0, 14.0),)], ids=["sky", "something behind"])
-def test_a_conductor_in_view_that_is_not_seen_is_dropped_within_seconds(behind):
+def test_a_conductor_in_view_that_is_not_seen_is_dropped_within_seconds():
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 24):
-        tracks.step([], 0.1 * number, rays_to(*behind))
+        tracks.step([], 0.1 * number, *rays_to(rings=RINGS))
         assert len(tracks.conductors) == 1
-    tracks.step([], 2.5, rays_to(*behind))
+    tracks.step([], 2.5, *rays_to(rings=RINGS))
     assert tracks.conductors == ()
+
+
+def test_beams_farther_apart_than_directions_show_that_a_conductor_is_gone():
+    tracks = confirmed(sighting(5.0, 12.0))
+    for number in range(5, 25):
+        tracks.step([], 0.1 * number, *rays_to(rings=RINGS, turned_deg=(-8.0, 8.0, 0.7)))
+    assert tracks.conductors == ()
+
+
+@pytest.mark.parametrize(
+    "scan",
+    [
+        NOTHING,
+        rays_to(rings=RINGS, turned_deg=(0.5, 8.0, 0.2)),
+        rays_to(rings=RINGS, turned_deg=(-8.0, -0.5, 0.2)),
+        rays_to(rings=RINGS[:5]),
+        rays_to(rings=RINGS, beside_m=8.0),
+    ],
+    ids=[
+        "sky, or a covered window",
+        "a window covered below",
+        "a window covered above",
+        "beams of fewer rings than a sighting has",
+        "beams beside the plane of an aircraft that is turned",
+    ],
+)
+def test_a_conductor_beyond_which_the_scan_does_not_measure_is_kept(scan):
+    tracks = confirmed(sighting(5.0, 12.0))
+    for number in range(5, 200):
+        tracks.step([], 0.1 * number, *scan)
+    assert len(tracks.conductors) == 1
 
 
 @pytest.mark.parametrize("place", [(2.5, 11.0), (5.0, 12.0), (0.5, 10.2)], ids=[
@@ -93,22 +133,22 @@ def test_a_conductor_in_view_that_is_not_seen_is_dropped_within_seconds(behind):
 def test_a_hidden_conductor_is_kept(place):
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 200):
-        tracks.step([], 0.1 * number, rays_to(place))
+        tracks.step([], 0.1 * number, *rays_to(place, rings=RINGS))
     assert len(tracks.conductors) == 1
 
 
 def test_a_conductor_farther_away_than_it_was_ever_seen_is_kept():
     tracks = confirmed(sighting(5.0, 12.0))
-    away = PlaneRays.of(np.zeros((0, 3)), np.array([-2.0, 0.0, 10.0]), 720)
+    away = rays_to(rings=RINGS, sensor_m=np.array([-2.0, 0.0, 10.0]))
     for number in range(5, 200):
-        tracks.step([], 0.1 * number, away)
+        tracks.step([], 0.1 * number, *away)
     assert len(tracks.conductors) == 1
 
 
 def test_a_wire_beside_its_old_place_replaces_it_after_an_estimate_has_wandered():
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 35):
-        tracks.step([sighting(5.0, 12.8)], 0.1 * number, rays_to((5.0, 12.8)))
+        tracks.step([sighting(5.0, 12.8)], 0.1 * number, *rays_to((5.0, 12.8)))
     assert [each.name for each in tracks.conductors] == ["seen-2"]
 
 
@@ -116,7 +156,9 @@ def test_a_hidden_wire_farther_from_one_that_is_seen_is_kept():
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 35):
         in_front = [(4.0, 11.6 + off_m) for off_m in np.arange(-0.4, 0.4, 0.02)]
-        tracks.step([sighting(5.0, 13.5)], 0.1 * number, rays_to((5.0, 13.5), *in_front))
+        tracks.step(
+            [sighting(5.0, 13.5)], 0.1 * number, *rays_to((5.0, 13.5), *in_front, rings=RINGS)
+        )
     assert [each.name for each in tracks.conductors] == ["seen-1", "seen-2"]
 
 
@@ -124,7 +166,7 @@ def test_one_sighting_ends_a_row_of_missed_ones():
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 60):
         seen = [sighting(5.0, 12.0)] if number % 15 == 0 else []
-        tracks.step(seen, 0.1 * number, NOTHING)
+        tracks.step(seen, 0.1 * number, *rays_to(rings=RINGS))
     assert len(tracks.conductors) == 1
 
 
@@ -136,10 +178,10 @@ def test_points_on_a_confirmed_conductor_are_its_own():
 
 def test_points_of_a_sighting_are_its_own_in_its_scan():
     tracks = ConductorTracks()
-    tracks.step([sighting(5.0, 12.0)], 0.1, NOTHING)
+    tracks.step([sighting(5.0, 12.0)], 0.1, *NOTHING)
     points = np.array([(5.0, 0.0, 12.0)])
     assert tracks.own(points, 0.1).tolist() == [True]
-    tracks.step([], 0.2, NOTHING)
+    tracks.step([], 0.2, *NOTHING)
     assert tracks.own(points, 0.2).tolist() == [False]
 
 

@@ -19,6 +19,7 @@ pytest.importorskip("velodyne_decoder")
 CRANE = Box(lower_m=(5.0, -2.0, 11.0), upper_m=(7.0, 2.0, 16.0))
 WALL = Box(lower_m=(20.0, -30.0, 0.0), upper_m=(21.0, 30.0, 30.0))
 CABLE = Wire(start_m=(-4.0, -100.0, 15.0), end_m=(-4.0, 100.0, 15.0))
+AHEAD = Wire(start_m=(8.0, -40.0, 15.0), end_m=(8.0, 40.0, 15.0))
 HOVER = Flight(at_m=(0.0, 0.0, 12.0))
 SWAYING = replace(HOVER, velocity_mps=(1.0, 0.0, 0.3), tilt_rad=0.06, position_noise_m=0.03)
 POINTS = Perception(sensor=Sensor.MAVLINK)
@@ -128,6 +129,21 @@ def test_a_turned_nose_changes_no_place():
     report = last(Rig(LidarScene(wires=(CABLE,), boxes=(CRANE,)), turned), 1.0)
     assert report.conductors[0].position_m == pytest.approx((-4.0, 15.0), abs=0.1)
     assert covers(report, 5.05, 13.0)
+
+
+def test_a_conductor_that_is_gone_from_in_front_of_a_wall_is_dropped_within_three_seconds():
+    rig = Rig(LidarScene(boxes=(WALL,), wires=(AHEAD,)), SWAYING)
+    assert len(last(rig, 1.0).conductors) == 1
+    rig.look_at(LidarScene(boxes=(WALL,)))
+    assert last(rig, 3.0).conductors == ()
+
+
+@pytest.mark.parametrize("boxes", [(), (WALL,)], ids=["sky", "a wall"])
+def test_a_conductor_is_kept_while_the_nose_points_along_it(boxes):
+    rig = Rig(LidarScene(boxes=boxes, wires=(AHEAD,)), replace(HOVER, tilt_rad=0.03))
+    assert len(last(rig, 1.0).conductors) == 1
+    rig.flight = replace(rig.flight, yaw_error_rad=np.pi / 2.0)
+    assert len(last(rig, 3.0).conductors) == 1
 
 
 def test_a_scan_waits_for_the_poses_of_its_last_point():
