@@ -32,6 +32,11 @@ BoolArray = npt.NDArray[np.bool_]
 
 _LATE_S = 0.3
 """Longest wait of a scan for its poses; after it the scan is dropped."""
+_LONGEST_SCAN_S, _AHEAD_S = 0.5, 0.1
+"""Greatest duration of a scan, and greatest time of its last point after its arrival. Beyond them
+the sensor's clock has stepped."""
+_MOST_SCANS = 16
+"""Greatest number of scans that wait for poses; the oldest is dropped."""
 _REPORT_S = 0.2
 """Longest time between reports, which carry the sensor's health."""
 _HULL_M = 1.0
@@ -77,7 +82,7 @@ def packet_stream(settings: Perception, description: str) -> PacketStream | None
 class LivePerception:
     """Perception of one sensor on one aircraft at one site.
 
-    late: number of scans and sets that were dropped for lack of poses.
+    late: number of scans and sets that were dropped for lack of poses, or of possible times.
     """
 
     def __init__(self, settings: Perception, site: Site, description: str = "") -> None:
@@ -89,7 +94,7 @@ class LivePerception:
         self._tracks = ConductorTracks()
         self._occupancy = Occupancy(site)
         self._random = np.random.default_rng(0)
-        self._scans: deque[Scan] = deque()
+        self._scans: deque[Scan] = deque(maxlen=_MOST_SCANS)
         self._points: list[tuple[float, FloatArray]] = []
         self._received_s: float | None = None
         self._scan_s: float | None = None
@@ -134,10 +139,15 @@ class LivePerception:
         scan = self._stream.receive(packet, now_s)
         if self._stream.packets > packets:
             self._received_s = now_s
-        if scan is not None and len(scan.points_m):
-            self._scans.append(scan)
-        elif scan is not None:
+        if scan is None:
+            return
+        if not len(scan.points_m):
             self._scan_s, self._returns = now_s, 0.0
+        elif np.ptp(scan.time_s) > _LONGEST_SCAN_S or scan.time_s.max() > now_s + _AHEAD_S:
+            self.late += 1
+        else:
+            self.late += len(self._scans) == _MOST_SCANS
+            self._scans.append(scan)
 
     def note_points(self, points_m: npt.ArrayLike, time_s: float) -> None:
         """Takes points (n, 3) on obstacles, in the aircraft's frame (x forward, y left, z up).

@@ -30,7 +30,7 @@ class SensorHealth:
     of the newest packet; None before the first. returns: share of that scan's beams with an echo
     farther than 1 m; nearer echoes are of the hull or of a cover. refused: number of damaged
     packets and of packets of another sensor. late: number of scans and sets that were dropped for
-    lack of poses. A sensor that measures single points has 1 as returns.
+    lack of poses, or of possible times. A sensor that measures single points has 1 as returns.
     """
 
     scan_s: float | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from time import process_time
@@ -85,6 +86,8 @@ class Rig:
         """Processor time of the last report that processed a scan."""
         self.poses_flow = True
         self.packets_flow = True
+        self.sensor_clock_s = 0.0
+        """Sensor's clock minus the receiver's."""
         self._lidar = SimulatedLidar(scene, seed)
         self._random = np.random.default_rng(seed)
         self._number = 0
@@ -110,7 +113,7 @@ class Rig:
             spent_s = process_time()
             if self.packets_flow:
                 pose_at = self.flight.sensor_pose(self.settings.mount)
-                packet = self._lidar.packet(self.time_s, pose_at)
+                packet = self._stamped(self._lidar.packet(self.time_s, pose_at))
                 spent_s = process_time()
                 self.perception.receive(packet, self.time_s)
             self._number += 1
@@ -118,6 +121,10 @@ class Rig:
             if report is not None:
                 self.cost_s = process_time() - spent_s
                 yield report
+
+    def _stamped(self, packet: bytes) -> bytes:
+        stamp_us = int((self.time_s + self.sensor_clock_s) * 1e6) % 3_600_000_000
+        return packet[:-6] + struct.pack("<I", stamp_us) + packet[-2:]
 
     def _send_poses(self) -> None:
         while self.poses_flow and self._reported_s["position"] <= self.time_s:

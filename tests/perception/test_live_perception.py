@@ -167,6 +167,23 @@ def test_scans_without_poses_are_dropped_and_counted():
     assert report.solids == ()
 
 
+@pytest.mark.parametrize("step_s", [1790.0, -1790.0, -0.3])
+def test_a_step_of_the_sensors_clock_costs_one_scan(step_s):
+    rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
+    last(rig, 0.55)
+    rig.sensor_clock_s = step_s
+    report = last(rig, 0.5)
+    assert report.health.scan_s > report.time_s - 0.15
+    assert report.health.late == 1
+
+
+def test_of_many_scans_that_wait_the_newest_are_kept():
+    rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
+    with mock.patch.object(rig.perception, "step", return_value=None):
+        assert list(rig.run(1.95)) == []
+    assert rig.perception.step(rig.time_s).health.late == 3
+
+
 def test_reports_continue_while_the_sensor_is_silent():
     rig = Rig(LidarScene(boxes=(CRANE,)), HOVER)
     seen = last(rig, 1.0)
