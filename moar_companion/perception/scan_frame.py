@@ -49,7 +49,10 @@ class PoseHistory:
         self._attitudes: deque[tuple[float, FloatArray]] = deque()
 
     def note_position(self, time_s: float, position_m: npt.ArrayLike) -> None:
-        """Takes a position (3,); drops one that is not newer than the last."""
+        """Takes a position (3,); drops one that is not newer than the last.
+
+        One that is older than the whole history begins a new one: the last time was wrong.
+        """
         _append(self._positions, time_s, np.asarray(position_m, float))
 
     def note_attitude(self, time_s: float, attitude: Rotation) -> None:
@@ -87,7 +90,9 @@ class PoseHistory:
 
 def _append(known: deque[tuple[float, FloatArray]], time_s: float, value: FloatArray) -> None:
     if known and time_s <= known[-1][0]:
-        return
+        if time_s >= known[-1][0] - _KEPT_S:
+            return
+        known.clear()
     known.append((time_s, value))
     while known[0][0] < time_s - _KEPT_S:
         known.popleft()

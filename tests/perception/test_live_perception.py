@@ -167,6 +167,15 @@ def test_scans_without_poses_are_dropped_and_counted():
     assert report.solids == ()
 
 
+def test_an_attitude_of_the_far_future_costs_few_scans():
+    rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
+    last(rig, 0.5)
+    rig.perception.note_attitude(4_294_968.3, 0.0, 0.0, 0.0)
+    report = last(rig, 0.6)
+    assert report.health.scan_s > report.time_s - 0.2
+    assert report.health.late <= 2
+
+
 @pytest.mark.parametrize("step_s", [1790.0, -1790.0, -0.3])
 def test_a_step_of_the_sensors_clock_costs_one_scan(step_s):
     rig = Rig(LidarScene(wires=(CABLE,)), HOVER)

@@ -66,6 +66,19 @@ def test_a_pose_that_is_not_newer_is_left_out():
     assert placed[0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
 
 
+def test_after_a_pose_of_the_far_future_a_new_history_begins():
+    poses = history(until_s=1.0)
+    poses.note_position(4_294_968.3, np.full(3, 99.0))
+    poses.note_attitude(4_294_968.3, Rotation.from_euler("z", 2.0))
+    for time_s in (1.02, 1.04, 1.06):
+        poses.note_position(time_s, (1.0, 2.0, 3.0))
+        poses.note_attitude(time_s, Rotation.identity())
+    assert poses.until_s == 1.06
+    position, attitude = poses.at(np.array([1.05]), late_s=0.0)
+    assert position[0] == pytest.approx([1.0, 2.0, 3.0])
+    assert attitude.magnitude() == pytest.approx([0.0])
+
+
 def test_position_and_attitude_come_at_times_of_their_own():
     poses = PoseHistory()
     for time_s in np.arange(0.0, 1.0, 0.03):
