@@ -23,6 +23,8 @@ _PURPOSE = "moar-order-1"
 _LONGEST_BYTES = 2048
 _MOST_NONCES = 10_000
 """Number of stored orders; at the limit new orders are refused, and no stored order is dropped."""
+_STARTING_NO_MOTION = frozenset({"hold", "pause", "release"})
+"""Orders that are also taken after a newer one. All others may move the aircraft."""
 
 
 class _Envelope(BaseModel):
@@ -56,6 +58,7 @@ class OrderChecks:
 
     Fresh: its time differs from this computer's clock by the window at most, and is after the
     start, since earlier orders are not stored. A clock that is set back makes no old order fresh.
+    An order that may move the aircraft is also refused if it is older than one taken before.
     """
 
     def __init__(self, vehicle: str, key: bytes, window_s: float, wall_s: float) -> None:
@@ -107,6 +110,9 @@ class OrderChecks:
             return "given before the companion's start"
         if order.nonce in self._taken:
             return "given before"
+        newest_s = max(self._taken.values(), default=order.time_s)
+        if order.time_s < newest_s and order.mission not in _STARTING_NO_MOTION:
+            return "given before the newest order"
         for nonce in [nonce for nonce, time_s in self._taken.items() if time_s < oldest_s]:
             del self._taken[nonce]
         return "too many orders" if len(self._taken) >= _MOST_NONCES else None

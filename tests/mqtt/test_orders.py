@@ -2,6 +2,7 @@
 
 import json
 import math
+import secrets
 
 import pytest
 from hypothesis import given
@@ -85,6 +86,41 @@ def test_a_clock_that_is_set_back_makes_no_old_order_fresh():
         later = order(f"{number:016d}", time_s=START_S + 3600.0)
         assert taking.check(signed_order(later, "a1", KEY), START_S + 3600.0) == later
     assert "ago" in refused(taking.check(payload, START_S + 6.0))
+
+
+ALL_ORDERS = ("inspection", "exit", "evacuation", "hold", "release", "pause", "continue")
+
+
+def arrival(taking, word, given_s, key=KEY):
+    """The answer to a new order of a time after the start, which arrives 9 s after the start."""
+    given = order(secrets.token_urlsafe(16), mission=word, time_s=START_S + given_s)
+    return taking.check(signed_order(given, "a1", key), START_S + 9.0)
+
+
+@pytest.mark.parametrize("newer", ALL_ORDERS)
+@pytest.mark.parametrize("delayed", ["inspection", "exit", "evacuation", "continue"])
+def test_a_delayed_order_that_moves_the_aircraft_is_refused_after_a_newer_order(delayed, newer):
+    taking = checks()
+    assert isinstance(arrival(taking, newer, 5.0), OrderPayload)
+    assert refused(arrival(taking, delayed, 4.9)) == "given before the newest order"
+    assert isinstance(arrival(taking, delayed, 5.0), OrderPayload)
+
+
+@pytest.mark.parametrize("newer", ALL_ORDERS)
+@pytest.mark.parametrize("delayed", ["hold", "pause", "release"])
+def test_a_delayed_order_that_moves_nothing_is_taken_after_a_newer_order(delayed, newer):
+    taking = checks()
+    assert isinstance(arrival(taking, newer, 5.0), OrderPayload)
+    assert isinstance(arrival(taking, delayed, 1.0), OrderPayload)
+
+
+def test_the_newest_order_is_neither_the_last_arrival_nor_one_that_was_refused():
+    taking = checks()
+    arrival(taking, "hold", 5.0)
+    arrival(taking, "pause", 1.0)
+    refused(arrival(taking, "hold", 8.0, OTHER_KEY))
+    assert refused(arrival(taking, "exit", 3.0)) == "given before the newest order"
+    assert isinstance(arrival(taking, "exit", 6.0), OrderPayload)
 
 
 def test_an_order_that_the_broker_kept_is_refused():
