@@ -50,3 +50,9 @@ def test_a_service_that_hangs_is_restarted_and_finds_its_state():
     service = unit()["Service"]
     assert service["WatchdogSec"] == "2"
     assert service["StateDirectory"] == "moar-companion"
+
+
+def test_the_service_goes_on_when_a_child_process_is_ended_for_its_memory():
+    service = unit()["Service"]
+    assert service["OOMPolicy"] == "continue"
+    assert service["OOMScoreAdjust"] == "-500"

@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 NICE = -10
 """Nice value of the systemd unit. Beside three busy processes on one core it gives nine times their
 share; 0 gives a quarter of the core, in slices."""
 _USUAL = 0
+_OOM_SCORE = 500
+"""Value of oom_score_adj, of -1000 to 1000: a child is ended before most other programs, and before
+the service (-500, by its unit)."""
 _REAL_TIME = 1
 """Priority of 1 to 99: ahead of all threads without one. A nice value counts within a session or
 group only, where the kernel shares processors among those first."""
@@ -59,6 +63,8 @@ def in_real_time() -> Iterator[bool]:
 
 
 def put_behind(process_id: int) -> None:
-    """Takes the inherited priority from a child process."""
+    """Takes the inherited priority and memory protection from a child process."""
+    with contextlib.suppress(OSError):
+        Path(f"/proc/{process_id}/oom_score_adj").write_text(str(_OOM_SCORE))
     if os.getpriority(os.PRIO_PROCESS, process_id) < _USUAL:
         os.setpriority(os.PRIO_PROCESS, process_id, _USUAL)

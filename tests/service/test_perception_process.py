@@ -7,6 +7,7 @@ import signal
 import socket
 import threading
 from dataclasses import replace
+from pathlib import Path
 from time import monotonic
 
 import numpy as np
@@ -137,6 +138,11 @@ def test_the_perception_process_ends_with_the_service(settings):
     process.close()
     with pytest.raises(ProcessLookupError):
         os.kill(number, 0)
+
+
+def test_the_perception_process_is_ended_before_the_service_when_memory_runs_out(perception):
+    first(perception, lambda _: True)
+    assert int(Path(f"/proc/{perception.process_id}/oom_score_adj").read_text()) > 0
 
 
 def test_a_slow_perception_process_delays_no_caller(settings, perception):

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -16,7 +17,7 @@ def nice():
     return os.getpriority(os.PRIO_PROCESS, 0)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def _permitted():
     with ahead_of_others() as permitted:
         pass
@@ -24,6 +25,7 @@ def _permitted():
         pytest.skip("no priority over other programs is permitted here")
 
 
+@pytest.mark.usefixtures("_permitted")
 def test_the_priority_is_of_the_thread_and_its_threads_and_is_restored():
     before, seen = nice(), []
     beside = threading.Thread(target=lambda: go.wait(10) and seen.append(nice()))
@@ -40,6 +42,7 @@ def test_the_priority_is_of_the_thread_and_its_threads_and_is_restored():
     assert nice() == before
 
 
+@pytest.mark.usefixtures("_permitted")
 def test_a_started_process_has_a_lower_priority():
     with (
         ahead_of_others(),
@@ -51,6 +54,23 @@ def test_a_started_process_has_a_lower_priority():
         child.communicate(b"\n")
 
 
+def test_a_started_process_is_ended_first_when_memory_runs_out():
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+        score = Path(f"/proc/{child.pid}/oom_score_adj")
+        put_behind(child.pid)
+        assert int(score.read_text()) > 0
+        child.communicate(b"\n")
+
+
+def test_a_memory_protection_that_cannot_be_changed_is_left(monkeypatch):
+    def refuse(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(Path, "write_text", refuse)
+    put_behind(os.getpid())
+
+
+@pytest.mark.usefixtures("_permitted")
 def test_real_time_is_of_the_thread_alone_and_ends():
     def policy():
         seen.append(os.sched_getscheduler(0))
@@ -67,6 +87,7 @@ def test_real_time_is_of_the_thread_alone_and_ends():
     assert seen == [os.SCHED_OTHER, before]
 
 
+@pytest.mark.usefixtures("_permitted")
 def test_without_permission_the_priority_does_not_change(monkeypatch):
     def refuse(*_):
         raise PermissionError
