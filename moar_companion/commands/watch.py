@@ -104,6 +104,9 @@ class _Traffic:
 
     outgoing = last_messages = connected
 
+    def published(self) -> None:
+        """Does nothing."""
+
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Keeps a message for `take`."""
         if self._waiting.qsize() < _MOST_WAITING:

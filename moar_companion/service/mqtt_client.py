@@ -55,7 +55,10 @@ class Traffic(Protocol):
         """Messages of a new connection, sent before all others."""
 
     def outgoing(self) -> Sequence[Message]:
-        """Messages to be sent now; the next call follows when they are sent."""
+        """Messages to be sent now; `published` follows when they are sent."""
+
+    def published(self) -> None:
+        """Notes that all messages of the last `outgoing` are sent."""
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Takes a received message."""
@@ -154,6 +157,7 @@ class MqttClient:
                 _logger.info("%s", self._log.connected())
                 while not self._closing.is_set():
                     await _first_end(_publish(client, traffic.outgoing()), listening)
+                    traffic.published()
                     await asyncio.wait({listening}, timeout=_PERIOD_S)
                 last_messages = _publish(client, traffic.last_messages())
                 await asyncio.wait_for(_first_end(last_messages, listening), _LAST_MESSAGES_S)

@@ -37,6 +37,7 @@ class MqttOrders:
         self._link = OrderLink(component_id)
         self._waiting: deque[OrderPayload] = deque()
         self._replies: deque[Reply] = deque(maxlen=_MOST_REPLIES)
+        self._unpublished: deque[Message] = deque(maxlen=_MOST_REPLIES)
         self._packets: list[bytes] = []
         self._refusals = RateLimit(burst=10, rate_hz=1.0)
         self._reported: set[str] = set()
@@ -55,12 +56,17 @@ class MqttOrders:
             self._waiting.append(found)
 
     def replies(self) -> list[Message]:
-        """Replies to be published."""
-        replies = []
+        """Replies to be published; the same ones again until `published` is called."""
         while self._replies:
             payload = self._replies.popleft().model_dump_json().encode()
-            replies.append(Message(topic=self._reply_topic, payload=payload, qos=1, retain=False))
-        return replies
+            self._unpublished.append(
+                Message(topic=self._reply_topic, payload=payload, qos=1, retain=False)
+            )
+        return list(self._unpublished)
+
+    def published(self) -> None:
+        """Removes the replies that the last call of `replies` returned."""
+        self._unpublished.clear()
 
     def _refuse(self, nonce: str | None, reason: str) -> None:
         """Replies to a refused order, but not to a flood of them."""

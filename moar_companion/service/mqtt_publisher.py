@@ -115,6 +115,11 @@ class _Traffic:
             self._reported.add(topic)
         return [*replies, *messages]
 
+    def published(self) -> None:
+        """Removes the replies that are sent; after a failure they are sent again."""
+        if self._orders is not None:
+            self._orders.published()
+
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Takes an order."""
         if self._orders is not None and topic == self._orders.topic:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from moar_companion.config import Commands
+from moar_companion.mavlink.commands import CommandResult
 from moar_companion.mavlink.order_link import OrderLink
 from moar_companion.mqtt.orders import OrderChecks, RefusedOrder, signed_order
 from moar_companion.mqtt.payloads import OrderPayload
@@ -251,6 +252,22 @@ def test_more_orders_than_a_cycle_takes_are_rejected_for_now(waiting):
     assert {(reply["result"], reply["final"]) for reply in reported} == {
         ("TEMPORARILY_REJECTED", True)
     }
+
+
+def test_replies_stay_until_they_are_published_and_the_newest_ones_beyond_a_limit(waiting):
+    def refuse(number):
+        waiting._reply(f"{number:016d}", CommandResult.DENIED, "no")
+
+    refuse(0)
+    assert len(replies(waiting)) == 1
+    refuse(1)
+    assert [reply["nonce"] for reply in replies(waiting)] == [f"{n:016d}" for n in (0, 1)]
+    waiting.published()
+    assert replies(waiting) == []
+    for number in range(100):
+        refuse(number)
+        replies(waiting)
+    assert [reply["nonce"] for reply in replies(waiting)] == [f"{n:016d}" for n in range(36, 100)]
 
 
 def test_a_flood_of_wrong_orders_is_neither_answered_nor_logged_for_long(waiting, caplog):

@@ -9,6 +9,7 @@ import signal
 import socket
 import time
 
+import aiomqtt
 import pytest
 
 from moar_companion.config import CompanionConfig, shipped_configs
@@ -16,7 +17,7 @@ from moar_companion.mqtt import reconnecting
 from moar_companion.mqtt.orders import signed_order
 from moar_companion.mqtt.payloads import OrderPayload
 from moar_companion.mqtt.topics import TOPICS
-from moar_companion.mqtt_config import Mqtt
+from moar_companion.mqtt_config import Mqtt, MqttCommands
 from moar_companion.service import mqtt_client, mqtt_publisher
 from moar_companion.service.mqtt_publisher import open_publisher
 from sitl.demonstration.broker import Certificates, free_tcp_port, running_broker
@@ -179,6 +180,31 @@ def test_after_a_restart_of_the_broker_every_topic_is_published_again(tmp_path, 
     lines = [line.partition(": mqtt")[0].partition(" to mqtt")[0] for line in caplog.messages]
     assert any("the broker ended the connection" in line for line in caplog.messages)
     assert lines.count("MQTT: connected") == lines.count("MQTT: lost") == 2
+
+
+def test_a_reply_whose_publication_fails_is_published_after_the_reconnection(
+    port, reader, tmp_path, monkeypatch
+):
+    publish, failed = mqtt_client._publish, []
+
+    async def fail_once(client, messages):
+        if not failed and any(message.topic.endswith("/reply") for message in messages):
+            failed.append(messages)
+            raise aiomqtt.MqttError("Operation timed out")
+        await publish(client, messages)
+
+    monkeypatch.setattr(mqtt_client, "_publish", fail_once)
+    key = tmp_path / "orders.key"
+    key.write_bytes(b"k" * 32)
+    key.chmod(0o400)
+    commands = MqttCommands(accept=True, key_file=key)
+    with publishing(f"mqtt://127.0.0.1:{port}", tmp_path, commands=commands) as loop:
+        wait_until(lambda: loop.client.connected)
+        reader.publish("moar/a1/order", b"no order")
+        wait_until(lambda: failed)
+        wait_until(lambda: loop.client.connected)
+        wait_until(lambda: reader.of("reply"), 10.0)
+    assert [reply["reason"] for reply in reader.of("reply")] == ["wrong signature"]
 
 
 @pytest.fixture(scope="module")
