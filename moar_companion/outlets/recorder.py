@@ -140,12 +140,20 @@ class Recorder(Generic[Item]):
         if item is not None:
             size_bytes = 3 * size_bytes + _CYCLE_BYTES
         if size_bytes and not self._writer.put(stamped, lines, item, now_s, size_bytes=size_bytes):
-            self._end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
+            self.end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
+
+    def end(self, error: Exception) -> None:
+        """Ends the recording with one warning; the data written before stay."""
+        if self.ended is None:
+            if not isinstance(error, OSError):
+                error = OSError(0, f"{type(error).__name__}: {error}")
+            self.ended = error
+            _logger.warning("recording ended: %s: %s", self.folder, error.strerror or error)
 
     def close(self) -> None:
         """Waits a limited time for unwritten data, then closes."""
         if not self._writer.close():
-            self._end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
+            self.end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
 
     def _line(self, time_s: float, kind: str, data: dict[str, Any]) -> str:
         line = {"time_s": round(time_s + self._offset_s, 6), "kind": kind, "data": data}
@@ -167,11 +175,9 @@ class Recorder(Generic[Item]):
                     self._keep_room(part)
             part.write([], last=True)
         except FileNotFoundError:
-            self._end(FileNotFoundError(errno.ENOENT, "the folder is gone"))
-        except OSError as error:
-            self._end(error)
+            self.end(FileNotFoundError(errno.ENOENT, "the folder is gone"))
         except Exception as error:  # noqa: BLE001 - the flight goes on without a recording
-            self._end(OSError(0, f"{type(error).__name__}: {error}"))
+            self.end(error)
         finally:
             with contextlib.suppress(OSError):
                 part.close()
@@ -183,11 +189,6 @@ class Recorder(Generic[Item]):
         make_room(self.folder.parent, part.paths, self._limits.keep_bytes, short_bytes)
         if _free_bytes(self.folder) < floor_bytes:
             raise OSError(errno.ENOSPC, f"less than {floor_bytes / 1e6:.0f} MB free")
-
-    def _end(self, why: OSError) -> None:
-        if self.ended is None:
-            self.ended = why
-            _logger.warning("recording ended: %s: %s", self.folder, why.strerror or why)
 
 
 class _Part(Generic[Item]):

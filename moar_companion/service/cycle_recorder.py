@@ -11,7 +11,7 @@ from ..companion.companion import Companion
 from ..companion.reports import Decision
 from ..config import RecorderSettings
 from ..outlets.recorder import Recorder, RecordingLimits
-from ..recording.calls import RecordedCompanion
+from ..recording.calls import Call, RecordedCompanion
 from ..recording.channels import Cycle, CycleSampler
 from ..recording.flight_log import FlightLog
 
@@ -66,21 +66,27 @@ class CycleRecorder:
     def record(
         self, now_s: float, sent: list[tuple[str, bytes]], decisions: list[Decision]
     ) -> None:
-        """Passes the cycle at `now_s` to the writer."""
-        companion, cycle = self._companion, None
+        """Passes the cycle at `now_s` to the writer; a fault ends the recording alone."""
+        companion = self._companion
         received = companion.received_packets()
         calls = companion.calls() if isinstance(companion, RecordedCompanion) else []
         if self._recorder.ended is not None:
             return
-        if calls:
-            status = self._status() if self._sampler.status_is_due(now_s) else None
-            cycle = self._sampler.cycle(companion, calls, status, now_s)
-        self._recorder.write(
-            [*received, *((now_s, data) for _, data in sent)],
-            ((item.time_s, item.kind, item.data) for item in decisions),
-            cycle,
-            now_s,
-        )
+        try:
+            self._recorder.write(
+                [*received, *((now_s, data) for _, data in sent)],
+                ((item.time_s, item.kind, item.data) for item in decisions),
+                self._cycle(calls, now_s),
+                now_s,
+            )
+        except Exception as error:  # noqa: BLE001 - the flight goes on without a recording
+            self._recorder.end(error)
+
+    def _cycle(self, calls: list[Call], now_s: float) -> Cycle | None:
+        if not calls:
+            return None
+        status = self._status() if self._sampler.status_is_due(now_s) else None
+        return self._sampler.cycle(self._companion, calls, status, now_s)
 
     def close(self) -> None:
         """Writes what is queued and closes the files."""
