@@ -1,7 +1,8 @@
 """Recordings in a directory: their names, and the removal of old ones.
 
-Only files that the recorder has named are removed, the oldest first: those of earlier flights, then
-earlier parts of this one. The order is that of the names, since a host's clock may be wrong.
+Only files that the recorder has named are removed: those of other flights first, in the order of
+their names, then earlier parts of this one. The name of this one does not count, since a host's
+clock may be wrong.
 """
 
 from __future__ import annotations
@@ -29,21 +30,23 @@ def make_room(
 ) -> None:
     """Removes the oldest recordings until all have at most `most_bytes`.
 
-    kept: files that stay. short_bytes: to be removed at least, if there is as much. Raises OSError
-    if the directory cannot be read; recordings that a person removes meanwhile do not count.
+    kept: files that stay, of the present part; other parts of this flight are removed last.
+    short_bytes: to be removed at least, if there is as much. Raises OSError if the directory cannot
+    be read; recordings that a person removes meanwhile do not count.
     """
-    files: list[tuple[str, int, Path, int]] = []
+    present = {path.parent for path in kept}
+    files: list[tuple[bool, str, int, Path, int]] = []
     for folder in directory.iterdir():
         if not _FLIGHT.fullmatch(folder.name) or folder.is_symlink():
             continue
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             files += [
-                (folder.name, int(name[1] or 1), path, path.stat().st_size)
+                (folder in present, folder.name, int(name[1] or 1), path, path.stat().st_size)
                 for path in folder.iterdir()
                 if (name := _FILE.fullmatch(path.name)) and path.is_file()
             ]
     over_bytes = max(sum(size for *_, size in files) - most_bytes, short_bytes)
-    for _, _, path, size in sorted(files):
+    for *_, path, size in sorted(files):
         if over_bytes <= 0.0:
             return
         if path in kept:

@@ -36,6 +36,17 @@ def test_the_oldest_flights_go_first_then_the_oldest_parts_of_this_one(tmp_path)
     assert [path.name for path in now.iterdir()] == ["flight-10.mcap"]
 
 
+def test_with_a_clock_that_is_behind_other_flights_go_before_parts_of_this_one(tmp_path):
+    now = recorded(tmp_path, 1, "flight.mcap", "flight-2.mcap", "flight-3.mcap")
+    other = recorded(tmp_path, 2, "flight.mcap", "flight-2.mcap")
+    kept = [now / "flight-3.mcap"]
+    make_room(tmp_path, kept, 350.0, 0.0)
+    assert not other.exists()
+    assert len(left(tmp_path)) == 3
+    make_room(tmp_path, kept, 250.0, 0.0)
+    assert [path.name for path in sorted(now.iterdir())] == ["flight-2.mcap", "flight-3.mcap"]
+
+
 def test_as_much_goes_as_the_disk_is_short_of(tmp_path):
     recorded(tmp_path, 1, "flight.tlog", size=100)
     recorded(tmp_path, 2, "flight.tlog", size=100)
