@@ -98,7 +98,7 @@ class MqttClient:
             # One loop per connection: a failed connection leaves no state.
             try:
                 reason = asyncio.run(self._connection())
-            except OSError as error:  # no descriptor for a loop
+            except Exception as error:  # noqa: BLE001 - no descriptor or thread for a loop
                 reason = _words(error)
             connected_s = 0.0 if self._connected_s is None else clock_s() - self._connected_s
             self._connected_s = None

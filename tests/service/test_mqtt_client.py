@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import itertools
 import logging
@@ -180,6 +181,25 @@ def test_after_a_restart_of_the_broker_every_topic_is_published_again(tmp_path, 
     lines = [line.partition(": mqtt")[0].partition(" to mqtt")[0] for line in caplog.messages]
     assert any("the broker ended the connection" in line for line in caplog.messages)
     assert lines.count("MQTT: connected") == lines.count("MQTT: lost") == 2
+
+
+def test_a_connection_that_ends_while_no_thread_can_be_started_is_tried_again(
+    port, tmp_path, monkeypatch
+):
+    async def no_thread(_loop, *_):
+        raise RuntimeError("can't start new thread")
+
+    def lost():
+        raise OSError("Connection reset by peer")
+
+    with publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop:
+        wait_until(lambda: loop.client.connected)
+        with monkeypatch.context() as patched:
+            patched.setattr(asyncio.BaseEventLoop, "shutdown_default_executor", no_thread)
+            patched.setattr(loop.client._traffic, "outgoing", lost)
+            wait_until(lambda: not loop.client.connected, 10.0)
+            wait_until(lambda: loop.client.state.endswith(": can't start new thread"), 10.0)
+        wait_until(lambda: loop.client.connected)
 
 
 def test_a_reply_whose_publication_fails_is_published_after_the_reconnection(
