@@ -49,6 +49,7 @@ class _Worker:
         self._channel = channel
         self._solids: list[Any] | None = None
         """Solids of the last report, as sent; they seldom change."""
+        self._has_dropped = False
         self._ended = asyncio.Event()
 
     async def run(self) -> None:
@@ -98,6 +99,10 @@ class _Worker:
             pass  # the service is behind: the next report has everything, too
         except BrokenPipeError:
             self._ended.set()
+        except OSError as error:  # the kernel has no room for this one
+            level = logging.DEBUG if self._has_dropped else logging.ERROR
+            self._has_dropped = True
+            _logger.log(level, "report of %d bytes dropped: %s", len(message), error.strerror)
 
 
 def main(arguments: list[str]) -> int:
