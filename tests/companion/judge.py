@@ -98,7 +98,7 @@ class Judge:
         self.may_stream = False
         """An order was accepted since the stream ended."""
         self.controlled = self.pilots = False
-        self.legs, self.escapes = [], []
+        self.legs, self.escapes, self.left_legs = [], [], []
         self.last = None
         self.free = {}
 
@@ -131,6 +131,7 @@ class Judge:
             self.may_stream = False if not self.awaiting else self.may_stream
             self.last, self.jumped_m = None, (0.0, 0.0, 0.0)
             if not (self.awaiting or self.may_stream):
+                self.left_legs = self.legs or self.left_legs
                 self.legs, self.escapes = [], []
         self.pilots |= self.controlled and self._mode() != self.our_mode
         self.controlled = streamed and self._mode() == self.our_mode
@@ -236,6 +237,22 @@ class Judge:
         if leg is not None:
             self.legs.append(LineString(points[-1 - len(leg.points_m) :]))
 
+    def _note_resumed_leg(self, place):
+        """Notes a landing leg that was left, and the free straight line to it from a place."""
+        x_m, _, z_m = place
+        site, here = self.desk.site, Point(x_m, z_m)
+        for leg in self.left_legs:
+            line = LineString([here, leg.interpolate(leg.project(here))])
+            points = [(x, 0.0, z) for x, z in line.segmentize(0.1).coords]
+            room_m = clearances_m(site, points, keep_out=True).min() + site.margin.total_m
+            if (
+                site.workspace.outside_m((x_m, z_m)) > 0.0
+                and line.length <= self.desk.vehicle.guidance.tracking_hold_m
+                and room_m >= self.desk.vehicle.radius_m
+            ):
+                self.legs.append(leg)
+                self.escapes.append(line)
+
     # End of control
 
     def _mode(self):
@@ -292,8 +309,11 @@ class Judge:
         assert (message.target_system, message.target_component) == (1, 1)
         assert self.may_stream, "a setpoint that nobody has ordered"
         assert self.failsafe_known or not self._failsafe(), "a setpoint in a failsafe"
+        begins = self.last is None
         self._judge_motion(place, velocity, now_s)
         here = local_place(self.desk.site, self.manner, self.origin, message)
+        if begins:
+            self._note_resumed_leg(here)
         objection = self._objection(here, velocity)
         if objection is None or (not any(velocity) and self._jumped_to(here)):
             return

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from moar_companion import autopilots
+from moar_companion.autopilots import profile
 from moar_companion.companion.route_manager import RouteManager
 from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.estimation.pose import Pose
@@ -53,7 +54,8 @@ class Routes:
         )
         limits = self.manager.limits
         limits.offboard_loss.loss = loss_of(autopilots.PX4) if known else None
-        limits._fences.not_ready_reason = None
+        unlimited = dict.fromkeys(profile(autopilots.PX4).fence_parameters, 0.0)
+        limits._fences.learn(autopilots.PX4, unlimited, (), None)
         self.now_s = 0.0
 
     def _record(self, kind, _now_s, **data):
