@@ -56,9 +56,8 @@ class WindRecovery:
             self._reported_m = None
             return
         self._report_drift(flight, pose, now_s)
-        if not flight.must_recover and flight.drifted_m(pose) is None:
-            self._hold_ordered = False
         if status.state is not MissionState.HOLDING or status.requested is not None:
+            self._hold_ordered = False
             return
         held = any(
             item.condition.action >= Action.HOLD and item.condition.name not in _OUTSIDE

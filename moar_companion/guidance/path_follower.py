@@ -308,16 +308,17 @@ class PathFollower:
         """Moves the setpoint, at rest, to an aircraft beyond the leash or a seen obstacle."""
         leash_m = self._drift.leash_m(self._vehicle)
         place_m, error_m = self._path.place_m, self.error_m(pose)
-        slow_m, moved_m = self._vehicle.guidance.tracking_slow_m, None
-        if slow_m < error_m <= leash_m and not self._volume.is_free_leg(pose.position_m, place_m):
-            leash_m = error_m - 0.5 * self._volume.maps.grid.resolution_m
-        if error_m > leash_m:
+        slow_m, moved_m, drifts = self._vehicle.guidance.tracking_slow_m, None, error_m > leash_m
+        if drifts:
             moved_m = self._volume.carried_m(place_m, pose.position_m, leash_m)
+        elif error_m > slow_m and not self._volume.is_free_leg(pose.position_m, place_m):
+            nearer_m = error_m - 0.5 * self._volume.maps.grid.resolution_m
+            moved_m = self._volume.carried_m(place_m, pose.position_m, nearer_m)
         if moved_m is None:
             self._drift = self._drift.after(error_m, leash_m, pose, step_s)
             return
         self._path = replace(self._path, legs=(), landing_corner=None).stopped_at(moved_m)
-        self._drift = self._drift.pulled(place_m, pose)
+        self._drift = self._drift.pulled(place_m, pose, drifts=drifts)
 
     def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
         """The setpoint of this instant, the heading turned by one step (0: kept)."""

@@ -45,10 +45,13 @@ class WindLeash:
         drawn_m = vehicle.speed.horizontal_mps * _DRAWN_S
         return min(longest_m, max(guidance.tracking_slow_m, drawn_m))
 
-    def pulled(self, place_m: Vector, pose: Pose) -> WindLeash:
-        """Returns the state after the aircraft has moved the setpoint from a place."""
+    def pulled(self, place_m: Vector, pose: Pose, *, drifts: bool) -> WindLeash:
+        """Returns the state after the aircraft has moved the setpoint from a place.
+
+        drifts: by wind, beyond the leash; otherwise an obstacle was seen between the two.
+        """
         return WindLeash(
-            from_m=place_m if self.from_m is None else self.from_m,
+            from_m=place_m if drifts and self.from_m is None else self.from_m,
             moved_to_m=pose.position_m,
             carried=True,
             lowest_m=min(self.lowest_m, place_m[2]),

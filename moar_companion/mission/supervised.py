@@ -59,7 +59,7 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: boo
     failed = answer_failed(status, ruling.reason)
     if status.state is MissionState.HOLDING:
         if status.requested is None:
-            return status, ()
+            return replace(status, resumes=resumes and status.resumes), ()
         resumes = resumes and status.resumes
         held = replace(status, requested=None, order_id=None, resumes=resumes)
         return held, (*failed, FlightEffect.BRAKE)

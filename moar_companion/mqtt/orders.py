@@ -23,8 +23,8 @@ _PURPOSE = "moar-order-1"
 _LONGEST_BYTES = 2048
 _MOST_NONCES = 10_000
 """Number of stored orders; at the limit new orders are refused, and no stored order is dropped."""
-_STARTING_NO_MOTION = frozenset({"hold", "pause", "release"})
-"""Orders that are also taken after a newer one. All others may move the aircraft."""
+_ALWAYS_TAKEN = frozenset({"hold", "pause", "release"})
+"""Orders that are also taken after a newer one. All others begin a flight."""
 
 
 class _Envelope(BaseModel):
@@ -58,7 +58,7 @@ class OrderChecks:
 
     Fresh: its time differs from this computer's clock by the window at most, and is after the
     start, since earlier orders are not stored. A clock that is set back makes no old order fresh.
-    An order that may move the aircraft is also refused if it is older than one taken before.
+    An order that begins a flight is also refused if it is older than one taken before.
     """
 
     def __init__(self, vehicle: str, key: bytes, window_s: float, wall_s: float) -> None:
@@ -111,7 +111,7 @@ class OrderChecks:
         if order.nonce in self._taken:
             return "given before"
         newest_s = max(self._taken.values(), default=order.time_s)
-        if order.time_s < newest_s and order.mission not in _STARTING_NO_MOTION:
+        if order.time_s < newest_s and order.mission not in _ALWAYS_TAKEN:
             return "given before the newest order"
         for nonce in [nonce for nonce, time_s in self._taken.items() if time_s < oldest_s]:
             del self._taken[nonce]

@@ -51,7 +51,7 @@ class PoseHistory:
     def note_position(self, time_s: float, position_m: npt.ArrayLike) -> None:
         """Takes a position (3,); drops one that is not newer than the last.
 
-        One that is older than the whole history begins a new one: the last time was wrong.
+        One that is 2 s older than the last begins a new history: the last time was wrong.
         """
         _append(self._positions, time_s, np.asarray(position_m, float))
 

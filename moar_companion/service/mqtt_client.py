@@ -1,8 +1,8 @@
 """A connection to an MQTT broker, in a thread of its own that reconnects after each loss.
 
 The only module with aiomqtt. The thread has its own event loop: a broker that is absent, slow or
-hostile does not delay the control loop. There is no queue: messages are made when they can be sent,
-so that the newest is sent. One batch of at most a message per topic is on its way at a time.
+hostile does not delay the control loop. Only replies to orders are queued. All other messages are
+made when they can be sent, so that the newest is sent: at most one per topic at a time.
 """
 
 from __future__ import annotations

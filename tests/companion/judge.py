@@ -87,7 +87,7 @@ class Judge:
         self.accuracy_m = {}
         self.jumps = deque()
         self.jumped_m = (0.0, 0.0, 0.0)
-        """Sum of all jumps since the stream began."""
+        """Sum of all jumps since the last setpoint that moved."""
         # Orders
         self.given_s = {}
         self.awaiting = set()
@@ -309,6 +309,8 @@ class Judge:
         assert (message.target_system, message.target_component) == (1, 1)
         assert self.may_stream, "a setpoint that nobody has ordered"
         assert self.failsafe_known or not self._failsafe(), "a setpoint in a failsafe"
+        if any(velocity):
+            self.jumped_m = (0.0, 0.0, 0.0)
         begins = self.last is None
         self._judge_motion(place, velocity, now_s)
         here = local_place(self.desk.site, self.manner, self.origin, message)

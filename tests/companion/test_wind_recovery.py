@@ -128,7 +128,7 @@ def test_a_condition_that_begins_on_the_recovery_path_ends_it_until_it_is_over()
     assert flight.recovers
 
 
-def test_after_a_hold_that_is_ordered_outside_the_aircraft_stays_until_it_was_back():
+def test_after_a_hold_that_is_ordered_outside_the_aircraft_stays_until_another_order():
     flight, here = blown_off(None)
     recovery, status = WindRecovery(Silent()), MissionStatus(state=MissionState.HOLDING)
     recovery.act(flight, here, status, Ruling(), 0.0, 100.0)
@@ -137,10 +137,9 @@ def test_after_a_hold_that_is_ordered_outside_the_aircraft_stays_until_it_was_ba
     for now_s in (101.0, 110.0, 120.0):
         recovery.act(flight, at_rest(flight), status, Ruling(), 0.0, now_s)
         assert not flight.recovers
-    inside = PathFollower(volume(), pose(RIGHT_M - 6.0, 10.0))
-    recovery.act(inside, pose(RIGHT_M - 6.0, 10.0), status, Ruling(), 0.0, 130.0)
-    flight, here = blown_off(None)
-    recovery.act(flight, here, status, Ruling(), 0.0, 140.0)
+    flown = MissionStatus(state=MissionState.FLYING)
+    recovery.act(flight, at_rest(flight), flown, Ruling(), 0.0, 130.0)
+    recovery.act(flight, at_rest(flight), status, Ruling(), 0.0, 140.0)
     assert flight.recovers
 
 

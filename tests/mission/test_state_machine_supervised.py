@@ -189,6 +189,15 @@ def test_an_operators_hold_outlasts_an_escape_that_was_searched_in_vain_and_a_la
     assert (flight.state, flight.requested, flight.status.task) == ("holding", [], INSPECTION)
 
 
+def test_a_hold_from_which_no_escape_was_found_waits_for_an_operator():
+    flight = story(S.FLYING).see(**WIND).tick(3.1).see(**RESERVE).tick(3.1)
+    for mission in (Mission.EXIT, Mission.EVACUATION):
+        assert [task.mission for task in flight.requested] == [mission]
+        flight.plan_failed().tick()
+    flight.see(wind=None, battery_reserve=None).tick(10.1).tick(60.0)
+    assert (flight.state, flight.requested) == ("holding", [])
+
+
 def test_an_operators_hold_outlasts_the_supervisors():
     flight = story(S.FLYING).see(**WIND).tick(3.1).order(Order.HOLD)
     flight.see(wind=None).tick(60.0)
