@@ -186,7 +186,7 @@ def test_an_operators_hold_outlasts_an_escape_that_was_searched_in_vain_and_a_la
     assert [task.mission for task in flight.requested] == [Mission.EXIT]
     flight.see(battery_reserve=None).tick(10.1).see(**WIND).tick(3.1)
     flight.see(wind=None).tick(60.0)
-    assert (flight.state, flight.requested, flight.status.task) == ("holding", [], INSPECTION)
+    assert (flight.state, flight.status.requested) == ("holding", None)
 
 
 def test_a_hold_from_which_no_escape_was_found_waits_for_an_operator():
@@ -195,7 +195,7 @@ def test_a_hold_from_which_no_escape_was_found_waits_for_an_operator():
         assert [task.mission for task in flight.requested] == [mission]
         flight.plan_failed().tick()
     flight.see(wind=None, battery_reserve=None).tick(10.1).tick(60.0)
-    assert (flight.state, flight.requested) == ("holding", [])
+    assert (flight.state, flight.status.requested) == ("holding", None)
 
 
 def test_an_operators_hold_outlasts_the_supervisors():
