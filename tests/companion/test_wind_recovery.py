@@ -249,3 +249,13 @@ def test_out_of_a_keep_out_the_setpoint_moves_only_on_the_aircrafts_side():
     inside = (WIRE_M[0] + 0.9, 0.0, 10.0)
     assert space.carried_m((12.0, 0.0, 10.0), inside, 3.0) == pytest.approx((5.9, 0.0, 10.0))
     assert space.carried_m((-8.0, 0.0, 10.0), inside, 3.0) is None
+
+
+def test_a_setpoint_behind_a_seen_obstacle_returns_to_the_aircrafts_side_and_that_is_no_drift():
+    flight = PathFollower(volume(), pose(WIRE_M[0] + 0.9, 10.0))
+    flight.learn_maps(past_a_wire())
+    here = pose(WIRE_M[0] - 1.6, 10.0)
+    flight.advance(here, STEP_S, holds=True)
+    assert place_m(flight)[0] <= here.position_m[0] + 0.3
+    assert flight.drifted_m(here) is None
+    assert flight.drifting_at_m == here.position_m
