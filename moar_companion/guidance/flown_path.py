@@ -284,9 +284,7 @@ class FlownPath:
         if self.volume.bars(plan.states[:, :-1]).any():
             return True
         legs = checked_legs(plan, self.points(plan, junction, escape_m), escape_m)
-        return any(
-            not self.volume.is_rest_of_leg_free(leg.points_m, leg.points_m[0]) for leg in legs
-        )
+        return any(self.volume.rechecked(leg, leg.points_m[0]).barred for leg in legs)
 
     def joined(
         self,

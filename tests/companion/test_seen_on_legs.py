@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from tests.companion.desk import EXIT, HOLD, PAUSE_CONTINUE, STEP_S, USER_1
 from tests.companion.scripted_autopilot import OFFBOARD, POSCTL
-from tests.companion.watched import Watched, ahead, conductor, copied, nearest_m
+from tests.companion.watched import SETTINGS, Watched, ahead, conductor, copied, nearest_m
 
 LONG_S = 12.0
 """Time in which the aircraft would have passed the obstacle on its leg."""
@@ -195,3 +195,14 @@ def test_a_resumed_leg_has_the_speed_limits_of_the_present_maps():
     desk.run(0.1)
     volume = desk.companion._executor.routes.flight.path.volume
     assert (desk.state, volume.reach) == ("landing_leg", None)
+
+
+def test_a_plan_is_not_adopted_whose_leg_touches_a_keep_out_that_was_seen_since_its_request():
+    desk = exits(plan_delay_s=0.2)
+    while not desk.jobs:
+        desk.step()
+    desk.conductors = (conductor(35.8, 4.7),)
+    desk.run_until("ready", 5.0)
+    desk.set(mode=OFFBOARD)
+    least_m = desk.vehicle.radius_m + SETTINGS.keep_out_m
+    assert nearest_m(desk, (35.8, 4.7), 60.0) >= least_m
