@@ -98,6 +98,12 @@ NOTHING_HELD = PilotText(
     meaning="`continue` without an interrupted mission",
     remedy="order a mission",
 )
+LANDING_ENDED = PilotText(
+    pattern="the landing ended the mission",
+    actions=_REJECTED,
+    meaning="`continue` after a landing: a mission does not outlast it",
+    remedy="order a mission",
+)
 NOTHING_LEFT = PilotText(
     pattern="nothing is left to fly",
     actions=_REJECTED,

@@ -18,7 +18,7 @@ RESTARTED = PilotText(
 )
 CONTINUE_POSSIBLE = PilotText(
     pattern="order continue to fly the rest",
-    meaning="the interrupted mission is kept",
+    meaning="the mission that a restart or a passing cause has interrupted is kept",
     remedy="order `continue`",
 )
 MODE_STILL_ON = PilotText(

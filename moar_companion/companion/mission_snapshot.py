@@ -39,9 +39,9 @@ class MissionSnapshot:
         return self.state in STREAMING
 
     def rest(self, site: Site | None) -> Task | None:
-        """Rest of an interrupted task that can be flown on a site; None if there is none."""
-        task = self.task
-        if not self.streamed or task is None or task.done or site is None or site.name != self.site:
+        """Rest of a task that can be flown on a site; None if there is none, or a pilot flew."""
+        task, overridden = self.task, self.state is MissionState.OVERRIDDEN
+        if overridden or task is None or task.done or site is None or site.name != self.site:
             return None
         return task if _fits(task, site) else None
 

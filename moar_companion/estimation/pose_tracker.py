@@ -17,7 +17,7 @@ from ..types import AutopilotKind, GeodeticPoint, Vector
 from .frame_agreement import FrameAgreement
 from .pose import Jump, Pose
 
-_LANDED_TIMEOUT_S = 5.0
+LANDED_TIMEOUT_S = 5.0
 """EXTENDED_SYS_STATE comes at 5 Hz; on a slow link at less than 1 Hz."""
 _JUMP_M = 0.5
 """A position farther than this from the velocity's prediction has jumped: the estimator was
@@ -293,7 +293,7 @@ def airborne(telemetry: Telemetry, now_s: float) -> bool:
         return False
     ended = landed.state is LandedState.LANDING and not autopilot.homeward
     in_air = landed.state is LandedState.IN_AIR or ended
-    return in_air and now_s - landed.received_s <= _LANDED_TIMEOUT_S
+    return in_air and now_s - landed.received_s <= LANDED_TIMEOUT_S
 
 
 def grounded(telemetry: Telemetry) -> bool:

@@ -9,11 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from .. import pilot_texts
-from ..mission_states import IN_CONTROL, STREAMING, MissionState
+from ..mission_states import STREAMING, MissionState
 from .values import Answer, Effect, FlightEffect, MissionStatus, SendText, Step, Task, Verdict
-
-_INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
-"""Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
 
 
 def enter(
@@ -39,16 +36,15 @@ def end_stream(
     now_s: float,
     *,
     last_setpoint: bool = False,
+    rest: Task | None = None,
 ) -> Step:
-    """Ends the stream; an open order fails.
+    """Ends the stream; an open order fails. rest: task that an operator may continue.
 
     With `last_setpoint` one at rest is sent, if there was a stream. Without it nothing
     more is sent: the autopilot has left our control, or our data on the aircraft is not reliable.
     """
-    taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
-    interrupted = status.task if taken_over else None
     last = (FlightEffect.SEND_LAST_SETPOINT,) if last_setpoint and status.state in STREAMING else ()
-    silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
+    silent = MissionStatus(state=state, since_s=now_s, task=rest)
     text = SendText(reason, state.words, serious=state is not MissionState.IDLE)
     return silent, (*last, *answer_failed(status, reason), text)
 

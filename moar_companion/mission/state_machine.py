@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .. import pilot_texts
+from .. import pilot_texts, service_texts
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
@@ -45,7 +45,13 @@ from .values import (
 _CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
 """States whose task may be continued by an operator's order."""
 
+_INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
+"""Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
+
 _CONTROL_ENDED = {MissionState.OVERRIDDEN, MissionState.RELEASED}
+
+_WAITING = {MissionState.IDLE, MissionState.RELEASED}
+"""States in which a task waits for an operator's order until the landing."""
 
 _CROSSED_S = 0.5
 """Time after an event within which an order counts as sent before its operator received the
@@ -82,7 +88,9 @@ def command(
     if order is Order.CONTINUE:
         may_continue = status.hold_ordered or status.state in _CONTINUED
         if status.task is None or not may_continue:
-            return answer_rejected(status, order_id, pilot_texts.NOTHING_HELD())
+            ended = status.task is None and status.landed
+            reason = pilot_texts.LANDING_ENDED() if ended else pilot_texts.NOTHING_HELD()
+            return answer_rejected(status, order_id, reason)
         if status.task.done:
             return answer_rejected(status, order_id, pilot_texts.NOTHING_LEFT())
         return _requested(status, status.task, order_id, world, now_s)
@@ -214,8 +222,8 @@ def tick(
         # them.
         status = replace(status, known=status.known & ruling.names)
         ruling = ruling.apart_from(status.known)
-    if state is MissionState.IDLE and status.task is not None and ruling.acts("ground"):
-        return MissionStatus(since_s=now_s), ()
+    if state in _WAITING and status.task is not None and ruling.acts("ground"):
+        return replace(status, task=None, landed=True), ()
     if state is MissionState.OVERRIDDEN:
         return _overridden(status, world, resume=resume, now_s=now_s)
     if state not in STREAMING and state is not MissionState.PLANNING:
@@ -240,11 +248,28 @@ def tick(
 def _released(
     status: MissionStatus, ruling: Ruling, leading: Acting, world: Situation, now_s: float
 ) -> Step:
-    """Ends control for the supervisor; a last setpoint at rest while the mode is still ours."""
-    last_setpoint = ruling.last_setpoint and world.mode_ours
-    return end_stream(
-        status, leading.condition.rest, leading.reason, now_s, last_setpoint=last_setpoint
+    """Ends control for the supervisor; a last setpoint at rest while the mode is still ours.
+
+    The rest of the task is kept for an operator after a passing cause, and for a pilot's takeover.
+    """
+    row, task = leading.condition, status.task
+    if row.passing and ruling.passing:
+        keeps = not status.hold_ordered
+    else:
+        keeps = row.rest is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
+    rest = task if keeps and task is not None and not task.done else None
+    silent, effects = end_stream(
+        status,
+        row.rest,
+        leading.reason,
+        now_s,
+        last_setpoint=ruling.last_setpoint and world.mode_ours,
+        rest=rest,
     )
+    landed = row.rest is MissionState.IDLE and task is not None
+    if rest is not None and row.passing:
+        effects = (*effects, SendText(service_texts.CONTINUE_POSSIBLE()))
+    return replace(silent, landed=landed), effects
 
 
 def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now_s: float) -> Step:
@@ -293,11 +318,11 @@ def _landed_above(status: MissionStatus, now_s: float) -> Step:
 def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
     """Sends nothing while a pilot flies, unless the mode is given back and `resume` is set.
 
-    A condition that would have ended our control removes the task to resume, also if overridden.
+    A condition that would have ended our control ends the resumption, also if overridden.
     """
     gravest, task = next(iter(world.ruling.conditions), None), status.task
     if gravest is not None and gravest.condition.action is Action.RELEASE:
-        return end_stream(status, gravest.condition.rest, gravest.reason, now_s)
+        return _released(status, world.ruling, gravest, world, now_s)
     if resume and world.mode_ours and task is not None and not task.done:
         return _requested(status, task, None, world, now_s)
     return status, ()

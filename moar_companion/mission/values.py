@@ -63,7 +63,8 @@ class MissionStatus:
     since_s: float = 0.0
     task: Task | None = None
     """Task that is flown or held. While overridden, the task that a pilot has interrupted; while
-    idle or planning that one, or the rest after a restart: an operator may continue it."""
+    released, the one that a passing cause has; while idle or planning either, or the rest after a
+    restart: an operator may continue it."""
     requested: Task | None = None
     """Task whose first plan is awaited."""
     order_id: int | None = None
@@ -79,6 +80,8 @@ class MissionStatus:
     """Tasks not searched as escape for a while: no path found from here, or the planner failed."""
     no_path_s: float = -math.inf
     """Time when that was last found."""
+    landed: bool = False
+    """True if the landing has ended the last task."""
 
     def without(self, *tasks: Task, now_s: float) -> MissionStatus:
         """Returns the status without these tasks as escape routes for a while."""

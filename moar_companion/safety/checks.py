@@ -10,10 +10,10 @@ wind in `energy_checks`, of the link in `link_age`, of the autopilot's failsafes
 from __future__ import annotations
 
 from ..config import Supervision
-from ..estimation.pose_tracker import airborne, grounded
+from ..estimation.pose_tracker import LANDED_TIMEOUT_S, airborne, grounded
 from ..risk.receivers import trouble
 from ..risk.wind import strongest
-from ..telemetry import Telemetry
+from ..telemetry import LandedState, Telemetry
 from ..text_format import exceeds, limit_text, listed, reason_chars, seconds
 from ..types import Mission
 from . import energy_checks, link_age, position_checks
@@ -22,6 +22,7 @@ from .check_inputs import ROUTE_MAX_AGE_S, CheckInputs
 from .condition_types import Causes
 
 _MB = 1e6
+_GROUNDED = "not in the air"
 
 
 def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: float) -> Causes:
@@ -78,7 +79,7 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         offboard_loss_collision=faults.offboard_loss_collision,
         battery_silent=energy_checks.battery_silent(seen, now_s),
         disk=_free("disk", seen.host.disk_free, limits.disk_free_mb),
-        not_flying=None if seen.in_control or airborne(telemetry, now_s) else "not in the air",
+        not_flying=None if seen.in_control else _not_flying(telemetry, now_s),
         unmonitored=_unmonitored(seen, now_s)
         if seen.in_control or airborne(telemetry, now_s)
         else None,
@@ -104,6 +105,16 @@ def _mode_left(seen: CheckInputs, *, landing: bool) -> str | None:
         return None
     # The mode may have been left and given back between two cycles.
     return seen.faults.pilot if autopilot.ours else f"autopilot in {autopilot.mode}"
+
+
+def _not_flying(telemetry: Telemetry, now_s: float) -> str | None:
+    """Text for an aircraft that is not in the air, lands or takes off."""
+    if airborne(telemetry, now_s):
+        return None
+    landed = telemetry.landed
+    known = landed is not None and now_s - landed.received_s <= LANDED_TIMEOUT_S
+    words = {LandedState.LANDING: "landing", LandedState.TAKEOFF: "taking off"}
+    return words.get(landed.state, _GROUNDED) if landed is not None and known else _GROUNDED
 
 
 def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:

@@ -183,7 +183,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "{exit|evacuation} leaves no flight time",
     ),
     "disk": ("disk {199|99999} MB < {200|99999}",),
-    "not_flying": ("not in the air",),
+    "not_flying": ("not in the air", "landing", "taking off"),
     "unmonitored": (
         "unknown: {wind, battery|battery, position accuracy}",
         "unknown: {wind, battery|position accuracy} and {3} more",

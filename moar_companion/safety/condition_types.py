@@ -114,6 +114,8 @@ class Condition:
     before it acts, including breaks shorter than that and over_s. over_s: time that the cause
     must be over before it clears. latched: it then still needs a new order to clear.
     last_setpoint: one at rest is useful when the stream ends. rest: the mission's state after that.
+    passing: late or missing data alone end the stream, and may come again: the rest of the mission
+    is kept for a `continue`. All other causes are a fault, or a decision of the autopilot.
     """
 
     name: str
@@ -125,6 +127,7 @@ class Condition:
     override: Override = Override.NONE
     last_setpoint: bool = True
     rest: MissionState = MissionState.RELEASED
+    passing: bool = False
 
     def objects_to(self, mission: Mission) -> bool:
         """True if this mission must not be ordered while the condition lasts."""

@@ -18,6 +18,7 @@ CONDITIONS = (
         name="loop_stall",
         starts="the control loop stalled for so long that its input is old",
         action=Action.RELEASE,
+        passing=True,
         last_setpoint=False,
     ),
     Condition(
@@ -42,23 +43,34 @@ CONDITIONS = (
         name="autopilot_link_lost",
         starts="no packet of the autopilot was received for `heartbeat_timeout_s`",
         action=Action.RELEASE,
+        passing=True,
     ),
     Condition(
         name="mode_unconfirmed",
         starts="neither HEARTBEAT nor CURRENT_MODE has reported the mode for `mode_timeout_s`, "
         "or HEARTBEAT the armed state for `armed_timeout_s`",
         action=Action.RELEASE,
+        passing=True,
     ),
     Condition(
         name="position",
         starts="no position is received, or its clock stands still, for `position_timeout_s`, "
         "or it comes so late (by TIMESYNC)",
         action=Action.RELEASE,
+        passing=True,
     ),
     Condition(
-        name="attitude", starts="the attitude is unknown or older than 1 s", action=Action.RELEASE
+        name="attitude",
+        starts="the attitude is unknown or older than 1 s",
+        action=Action.RELEASE,
+        passing=True,
     ),
-    Condition(name="origin", starts="the local frame's origin is unknown", action=Action.RELEASE),
+    Condition(
+        name="origin",
+        starts="the local frame's origin is unknown",
+        action=Action.RELEASE,
+        passing=True,
+    ),
     Condition(
         name="failsafe_took_mode",
         starts="the autopilot is in failsafe (system status critical or worse), and flies a mode "
@@ -371,7 +383,7 @@ CONDITIONS = (
     ),
     Condition(
         name="not_flying",
-        starts="it is not known that the aircraft is in the air",
+        starts="it is not known that the aircraft is in the air, or it takes off or lands",
         action=Action.CONTINUE,
     ),
     Condition(

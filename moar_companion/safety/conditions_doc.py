@@ -21,7 +21,7 @@ def documentation() -> str:
     for row in CONDITIONS:
         clears = "by a new order" if row.latched else _seconds("over for", row.over_s, "at once")
         if row.action is Action.RELEASE:
-            clears = f"{row.rest.value} until a new order"
+            clears = f"{row.rest.value} until a new order{' or `continue`' if row.passing else ''}"
         after = _seconds("", row.after_s, "at once")
         rows.append(
             f"| `{row.name}` | {row.starts} | {row.action.name.lower()} | {after} | {clears} "

@@ -85,6 +85,15 @@ class Ruling:
             if not item.overridden and item.condition.action is Action.RELEASE
         )
 
+    @property
+    def passing(self) -> bool:
+        """True if no release that orders cannot override has a lasting cause."""
+        return all(
+            item.condition.passing
+            for item in self.conditions
+            if item.condition.action is Action.RELEASE and item.condition.override is Override.NONE
+        )
+
     def apart_from(self, known: Collection[str]) -> Ruling:
         """Returns the ruling with the conditions of these names overridden."""
         return Ruling(

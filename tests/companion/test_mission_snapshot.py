@@ -30,7 +30,10 @@ def memory(state=MissionState.FLYING, task=INSPECTION, **changes):
         ("on the escape route", memory(task=EXIT), EXIT),
         ("every target done", memory(MissionState.HOLDING, Task(mission=Mission.INSPECTION)), None),
         ("the pilot had taken over", memory(MissionState.OVERRIDDEN), None),
-        ("let go before", memory(MissionState.RELEASED), None),
+        ("released by a passing cause", memory(MissionState.RELEASED), INSPECTION),
+        ("released by an operator", memory(MissionState.RELEASED, None), None),
+        ("its continuation planned", memory(MissionState.PLANNING), INSPECTION),
+        ("its continuation denied", memory(MissionState.IDLE), INSPECTION),
         ("nothing was flown", memory(MissionState.IDLE, None), None),
         ("another site", memory(site="another"), None),
         (
@@ -45,7 +48,7 @@ def memory(state=MissionState.FLYING, task=INSPECTION, **changes):
         ),
     ],
 )
-def test_a_streamed_mission_that_still_fits_the_site_can_be_continued(case, remembered, rest):
+def test_an_interrupted_mission_that_still_fits_the_site_can_be_continued(case, remembered, rest):
     assert remembered.rest(SITE) == rest
     assert remembered.rest(None) is None
 

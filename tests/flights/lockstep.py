@@ -37,7 +37,7 @@ from tests.vehicles import named_vehicle
 
 from ..copies import flown_once
 from ..packets import decoded
-from .aircraft import Aircraft, in_the_air
+from .aircraft import STEP_S, Aircraft, in_the_air
 from .lidar_on_board import LidarOnBoard
 from .operator import Manner
 
@@ -224,6 +224,12 @@ class Lockstep(Aircraft):
         self.calls += self.companion.calls()
         self.truths.append(self.autopilot.truth)
         self.states.append((now_s, self.state))
+
+    def stop_process(self, seconds: float) -> None:
+        """The companion's process is not scheduled (SIGSTOP): its packets wait in the socket."""
+        waiting = [data for _ in range(round(seconds / STEP_S)) for data in self.move()]
+        for data in waiting:
+            self.handle(data)
 
     def _do(self, job: PlanJob | MapJob) -> None:
         """Carries out a job of the planner's thread, on the maps of the jobs before it."""

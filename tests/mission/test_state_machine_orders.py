@@ -7,15 +7,19 @@ import pytest
 from moar_companion.mission.state_machine import restarted
 from moar_companion.mission.values import FlightEffect, Order
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.safety.condition_types import Action
+from moar_companion.safety.conditions import CONDITIONS
 
 from .stories import (
     EVACUATION,
     EXIT,
+    FAILSAFE,
     IN_THE_AIR,
     INSPECTION,
     LANDED_STATE_UNKNOWN,
     LAST,
     ON_THE_GROUND,
+    STALE,
     any_story,
     story,
 )
@@ -86,7 +90,7 @@ ANSWERS = {
     S.RELEASED: {
         "mission": ("planning", "", False),
         "hold": ("released", NO, False),
-        "continue": ("released", NO, False),
+        "continue": ("planning", "", False),
         "release": ("released", OK, False),
     },
 }
@@ -280,7 +284,14 @@ def after_a_takeover():
     return story(S.OVERRIDDEN)
 
 
-@pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
+def after_a_passing_release():
+    return story(S.RELEASED)
+
+
+BEGUN = [after_a_restart, after_a_takeover, after_a_passing_release]
+
+
+@pytest.mark.parametrize("begun", BEGUN)
 @pytest.mark.parametrize("ends", [no_plan, taken_back, moved_away, position_uncertain])
 @pytest.mark.parametrize("order", [Order.CONTINUE, EXIT])
 def test_a_resumable_mission_outlives_an_order_that_is_not_flown(begun, ends, order):
@@ -293,7 +304,7 @@ def test_a_resumable_mission_outlives_an_order_that_is_not_flown(begun, ends, or
     assert (flight.state, flight.status.task) == ("ready", INSPECTION)
 
 
-@pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
+@pytest.mark.parametrize("begun", BEGUN)
 def test_a_resumable_mission_outlives_a_mode_that_is_not_given(begun):
     flight = begun().order(Order.CONTINUE).plan_found()
     assert flight.state == "ready"
@@ -303,24 +314,95 @@ def test_a_resumable_mission_outlives_a_mode_that_is_not_given(begun):
     assert (flight.state, flight.requested) == ("planning", [INSPECTION])
 
 
-@pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
+@pytest.mark.parametrize("begun", BEGUN)
 def test_a_release_or_a_landing_drops_the_resumable_mission(begun):
-    for forget in (
-        lambda flight: flight.order(Order.RELEASE),
-        lambda flight: flight.see(**ON_THE_GROUND).see(**IN_THE_AIR),
+    for forget, reason in (
+        (lambda flight: flight.order(Order.RELEASE), "nothing is held"),
+        (
+            lambda flight: flight.see(**ON_THE_GROUND).see(**IN_THE_AIR),
+            "the landing ended the mission",
+        ),
     ):
         flight = begun().order(Order.CONTINUE).plan_failed()
         assert flight.status.task == INSPECTION
         forget(flight)
         flight.order(Order.CONTINUE)
-        assert flight.reasons == ["nothing is held"]
+        assert flight.reasons == [reason]
 
 
 def test_a_mission_ended_on_the_ground_is_not_resumed_after_a_denied_order():
     flight = story(S.FLYING).see(**ON_THE_GROUND).see(**IN_THE_AIR).tick(1.0)
     flight.order(EXIT).plan_failed()
     flight.order(Order.CONTINUE)
+    assert flight.reasons == ["the landing ended the mission"]
+
+
+def test_a_landing_after_a_release_drops_the_rest():
+    flight = story(S.RELEASED).see(**ON_THE_GROUND)
+    assert (flight.state, flight.status.task) == ("released", None)
+    flight.see(**IN_THE_AIR).order(Order.CONTINUE)
+    assert flight.reasons == ["the landing ended the mission"]
+    flight.order(INSPECTION).plan_found().order(Order.RELEASE)
+    flight.order(Order.CONTINUE)
     assert flight.reasons == ["nothing is held"]
+
+
+PASSING = [
+    "loop_stall",
+    "autopilot_link_lost",
+    "mode_unconfirmed",
+    "position",
+    "origin",
+    "attitude",
+]
+RELEASES = [
+    row.name for row in CONDITIONS if row.action is Action.RELEASE and row.rest is S.RELEASED
+]
+
+
+@pytest.mark.parametrize("state", [*IN_FLIGHT, S.READY, S.OVERRIDDEN])
+@pytest.mark.parametrize("name", RELEASES)
+def test_late_or_missing_data_keep_the_rest_of_a_mission_and_no_other_release_does(name, state):
+    flight = any_story(state)
+    task = flight.status.task
+    flight.see(**{name: "trouble"})
+    assert flight.state == "released"
+    if name in PASSING:
+        assert flight.said[-1] == "MOAR: order continue to fly the rest"
+    flight.see(**{name: None}).tick(1.0).order(Order.CONTINUE)
+    assert flight.requested == ([task] if name in PASSING else [])
+    assert flight.reasons == ([] if name in PASSING else ["nothing is held"])
+
+
+@pytest.mark.parametrize("other", ["autopilot_reboot", "setpoint_rejected", "autopilot_identity"])
+def test_a_fault_beside_a_stall_drops_the_rest(other):
+    flight = story(S.FLYING).see(loop_stall="control loop stalled 3.0 s", **{other: "fault"})
+    assert (flight.state, flight.status.task) == ("released", None)
+
+
+def test_a_failsafe_that_a_stall_has_caused_keeps_the_rest():
+    flight = story(S.FLYING)
+    flight.see(loop_stall="control loop stalled 3.0 s", mode_ours=False, **FAILSAFE)
+    assert (flight.state, flight.status.task) == ("released", INSPECTION)
+
+
+def test_continue_is_rejected_while_the_passing_cause_lasts():
+    flight = story(S.FLYING).see(**STALE).tick(1.0).order(Order.CONTINUE)
+    assert flight.reasons == ["position age 0.6 s"]
+    assert flight.status.task == INSPECTION
+
+
+def test_the_rest_outlives_a_second_passing_release_while_it_is_planned():
+    flight = story(S.RELEASED).order(Order.CONTINUE).see(loop_stall="control loop stalled 0.6 s")
+    assert (flight.state, flight.answers) == ("released", [(2, "failed")])
+    flight.see(loop_stall=None).tick(1.0).order(Order.CONTINUE)
+    assert flight.requested == [INSPECTION]
+
+
+def test_a_returned_mode_resumes_no_mission_that_a_passing_cause_has_released():
+    flight = story(S.OVERRIDDEN, resume=True).see(**STALE).see(position=None)
+    flight.see(mode_ours=True).tick(5.0)
+    assert (flight.state, flight.status.task) == ("released", INSPECTION)
 
 
 # In flight ----------------------------------------------------------------------------------------

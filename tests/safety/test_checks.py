@@ -222,7 +222,15 @@ STORIES = [
     (
         "taking off",
         with_telemetry(HOVERING, landed=Landed(received_s=NOW_S, state=LandedState.TAKEOFF)),
-        {"not_flying": "not in the air"},
+        {"not_flying": "taking off"},
+    ),
+    (
+        "landing",
+        with_telemetry(
+            flies(HOVERING, mode="LAND", homeward=True),
+            landed=Landed(received_s=NOW_S, state=LandedState.LANDING),
+        ),
+        {"not_flying": "landing"},
     ),
     (
         "a mode of the pilot's",
