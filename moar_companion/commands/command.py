@@ -151,12 +151,14 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
 
 def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> int:
     """Sends the order, prints the answer and, if refused, the reason; returns the exit status."""
-    result = _answer(operator, order, index, timeout_s)
+    result, texts = _answer(operator, order, index, timeout_s)
     name = RESULT_NAMES.get(result, f"REFUSED, result {result}")
     _print_line(f"{order}: {name}")
     if result == CommandResult.ACCEPTED:
         return 0
     verdict = f", {name.lower().rpartition('_')[2]}"
+    if any(text.endswith(verdict) for text in texts):
+        return 1  # printed already: the first of several equal answers was lost
     for message in operator.listen(_REASON_S):
         if message.text is not None:
             _print_line(message.text)
@@ -167,25 +169,29 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
     return 1
 
 
-def _answer(operator: GroundStation, order: str, index: int, timeout_s: float) -> int:
-    """The final MAV_RESULT; until then repeats the order and prints the companion's texts.
+def _answer(
+    operator: GroundStation, order: str, index: int, timeout_s: float
+) -> tuple[int, list[str]]:
+    """The final MAV_RESULT and the texts until then, which it prints; repeats the order meanwhile.
 
     Raises LinkError without any answer, not even IN_PROGRESS, for the time-out.
     """
     command, param1 = _ORDERS[order]
     confirmation, in_progress = 0, False
+    texts: list[str] = []
     until_s = time.monotonic() + timeout_s
     while time.monotonic() < until_s:
         operator.send_command(command, param1, index, confirmation=confirmation)
         confirmation = min(confirmation + 1, 255)
         for message in operator.listen(_REPEAT_S):
             if message.text is not None:
+                texts.append(message.text)
                 _print_line(message.text)
             if not operator.is_answer(message, command):
                 continue
             result: int = message.fields["result"]
             if result != CommandResult.IN_PROGRESS:
-                return result
+                return result, texts
             until_s = time.monotonic() + timeout_s
             if not in_progress:
                 _print_line(f"{order}: {RESULT_NAMES[result]}")

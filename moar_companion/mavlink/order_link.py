@@ -7,7 +7,7 @@ COMMAND_ACK, and a STATUSTEXT with the reason.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..types import Mission
 from .codec import Codec
@@ -78,25 +78,27 @@ class OrderLink:
         return self._codec.encode(message)
 
     def answers(self, packets: Iterable[bytes]) -> list[OrderAnswer]:
-        """Answers in the packets of a cycle; a reason comes in the same cycle."""
+        """Answers in the packets of a cycle; a reason comes in the same cycle, after its answer."""
         answers, self._superseded = self._superseded, []
-        results: list[tuple[int, CommandResult]] = []
-        texts: list[str] = []
+        without_reason: list[int] = []
+        """Places of the answers whose reason has not come yet, in the order of arrival."""
         for message in self._codec.receive(b"".join(packets)):
             if message.get_msgId() == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
-                texts.append(message.text.rstrip("\0"))
+                text = message.text.rstrip("\0")
+                place = next((at for at in without_reason if _ends(text, answers[at].result)), None)
+                if place is not None:
+                    answers[place] = replace(answers[place], reason=text)
+                    without_reason.remove(place)
             elif (message.target_system, message.target_component) == (_SYSTEM, _COMPONENT):
-                results.append((message.command, CommandResult(message.result)))
-        for command, result in results:
-            progress = result is CommandResult.IN_PROGRESS
-            order_id = self._open.get(command) if progress else self._open.pop(command, None)
-            if order_id is not None:
-                reason = _reason(texts, result)
-                answers.append(OrderAnswer(order_id=order_id, result=result, reason=reason))
+                command, result = message.command, CommandResult(message.result)
+                progress = result is CommandResult.IN_PROGRESS
+                order_id = self._open.get(command) if progress else self._open.pop(command, None)
+                if order_id is not None:
+                    without_reason.append(len(answers))
+                    answers.append(OrderAnswer(order_id=order_id, result=result))
         return answers
 
 
-def _reason(texts: list[str], result: CommandResult) -> str:
-    """The text that ends in the result's word, as `OperatorCommands.report_reason` writes it."""
-    word = result.name.rpartition("_")[2].lower()
-    return next((text for text in reversed(texts) if text.endswith(f", {word}")), "")
+def _ends(text: str, result: CommandResult) -> bool:
+    """True if a text ends in the result's word, as `OperatorCommands.report_reason` writes it."""
+    return text.endswith(f", {result.name.rpartition('_')[2].lower()}")

@@ -37,12 +37,13 @@ class Severity(enum.IntEnum):
 class StatusTexts:
     """Texts to STATUSTEXT messages; repeats within 10 s are dropped, unless they are new.
 
-    Texts that differ in measured values only are repeats.
+    Texts that differ in measured values only are repeats. A text for one link belongs to an answer
+    there, and is sent with each: the answers' own rate is limited.
     """
 
     def __init__(self) -> None:
-        self._sent_s: dict[tuple[str | None, str], float] = {}
-        """Time of the last sending by link (None: all links) and text; the oldest first."""
+        self._sent_s: dict[str, float] = {}
+        """Time of the last sending to all links by text; the oldest first."""
         self._last_id = 0
 
     def messages(
@@ -56,19 +57,15 @@ class StatusTexts:
     ) -> list[Message]:
         """Returns the chunks of a text; none if the same was sent within the last 10 s.
 
-        link: the only link; None: all. Repeats are detected for each link by itself. is_new: the
-        text reports a change or answers a sender, for example that a held mission resumes. Such a
-        text is sent again, unless it was the last one and less than a second ago.
+        link: the only link; None: all. is_new: the text reports a change, for example that a held
+        mission resumes. Such a text is sent again, unless it was the last one and less than a
+        second ago.
 
         Up to 50 characters are one message with id 0; more are chunks of 50 with an id and a
         chunk_seq, the last with a NUL. Characters outside ASCII become question marks.
         """
-        self._forget_old(now_s)
-        same = (link, _VALUE.sub("#", text))
-        if same in self._sent_s and not (is_new and self._is_due(same, now_s)):
+        if link is None and self._is_repeat(text, is_new, now_s):
             return []
-        self._sent_s.pop(same, None)
-        self._sent_s[same] = now_s
         data = text.encode("ascii", errors="replace")[:_MAX_BYTES]
         if len(data) <= CHUNK_BYTES:
             return [_chunk(severity, data, text_id=0, sequence=0)]
@@ -77,6 +74,15 @@ class StatusTexts:
             _chunk(severity, data[start : start + CHUNK_BYTES], self._last_id, sequence)
             for sequence, start in enumerate(range(0, len(data) + 1, CHUNK_BYTES))
         ]
+
+    def _is_repeat(self, text: str, is_new: bool, now_s: float) -> bool:
+        self._forget_old(now_s)
+        same = _VALUE.sub("#", text)
+        if same in self._sent_s and not (is_new and self._is_due(same, now_s)):
+            return True
+        self._sent_s.pop(same, None)
+        self._sent_s[same] = now_s
+        return False
 
     def _forget_old(self, now_s: float) -> None:
         """Drops old texts, each once, so that the cost per text is constant."""
@@ -87,7 +93,7 @@ class StatusTexts:
                 return
             del self._sent_s[oldest]
 
-    def _is_due(self, same: tuple[str | None, str], now_s: float) -> bool:
+    def _is_due(self, same: str, now_s: float) -> bool:
         last = next(reversed(self._sent_s))
         return same != last or now_s - self._sent_s[same] >= _NEWS_REPEAT_S
 

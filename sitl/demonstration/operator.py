@@ -19,6 +19,8 @@ _ANSWER_TIMEOUT_S: Final = 5.0
 _RESENT_S: Final = 1.5
 _MOST_SENT: Final = 4
 """Repeats as MAVLink's command protocol requires, where a link loses commands or answers."""
+_REASON_S: Final = 1.0
+"""Longest wait for the text after an answer of the companion, in real time."""
 _COMPILING_S: Final = 600.0
 _AGAIN_S: Final = 3.0
 """Longest compilation of the planner at the companion's first start, in real time too, and the
@@ -130,6 +132,7 @@ class Operator:
         """Send a command, again while it is not answered; OperatorError when it is not ACCEPTED."""
         padded = (*parameters, *[0.0] * (7 - len(parameters)))
         self._answers.pop(number, None)
+        texts = len(self.texts)
         for confirmation in range(_MOST_SENT):
             self._send(
                 mavlink.MAVLink_command_long_message(1, component, number, confirmation, *padded)
@@ -146,8 +149,22 @@ class Operator:
         )
         result = self._answers[number]
         if result != mavlink.MAV_RESULT_ACCEPTED:
-            text = f" ({self.texts[-1]})" if self.texts else ""
-            raise OperatorError(f"{name}: {_RESULTS.get(result, str(result))}{text}")
+            words = _RESULTS.get(result, str(result))
+            reason = self._reason(words, texts) if component == _COMPANION else None
+            raise OperatorError(f"{name}: {words}" + (f" ({reason})" if reason else ""))
+
+    def _reason(self, result: str, since: int) -> str | None:
+        """The companion's text about an answer, among those since a number of texts; it follows.
+
+        None where none comes.
+        """
+        end = f", {result.rpartition('_')[2].lower()}"
+
+        def reasons() -> list[str]:
+            return [text for text in self.texts[since:] if text.endswith(end)]
+
+        self.wait_until(lambda: bool(reasons()), _REASON_S * max(1.0, self._speed))
+        return next(iter(reversed(reasons())), None)
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter of the autopilot; OperatorError when there is none, or it is refused."""
@@ -226,9 +243,8 @@ class Operator:
         while True:
             try:
                 self.command(name, mavlink.MAV_CMD_USER_1, mission, index, component=_COMPANION)
-            except OperatorError:
-                compiling = any("compiling planner" in text for text in self.texts[-3:])
-                if not compiling or self._now_s() > deadline_s:
+            except OperatorError as error:
+                if "compiling planner" not in str(error) or self._now_s() > deadline_s:
                     raise
                 self.texts.clear()
                 self.wait_until(lambda: False, _AGAIN_S * self._speed)

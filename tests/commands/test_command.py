@@ -171,6 +171,17 @@ def test_an_order_that_is_not_accepted_waits_for_its_reason_and_ends_with_status
     assert done.out == f"MOAR idle\nhold: {name}\n{reply}\n"
 
 
+def test_a_reason_whose_acknowledgement_was_lost_is_not_awaited_again(ordered):
+    def answer(command):
+        if command.confirmation == 0:
+            return [text("MOAR: nothing is flown, rejected")]
+        return [acknowledgement(TEMPORARILY_REJECTED)]
+
+    with Aircraft(answer) as aircraft:
+        done = ordered("hold", "--connect", aircraft.url)
+    assert done.out == "MOAR: nothing is flown, rejected\nhold: TEMPORARILY_REJECTED\n"
+
+
 @pytest.mark.parametrize(
     ("result", "printed"),
     [(UNSUPPORTED, "UNSUPPORTED"), (77, "REFUSED, result 77")],

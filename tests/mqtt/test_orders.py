@@ -18,6 +18,7 @@ from moar_companion.service import mqtt_orders
 from moar_companion.service.mqtt_orders import MqttOrders
 
 from ..companion.desk import Desk
+from ..companion.scripted_autopilot import AUTO_RTL
 
 KEY, OTHER_KEY = b"k" * 32, b"o" * 32
 START_S = 1.8e9
@@ -203,6 +204,28 @@ def test_a_denied_order_is_answered_with_the_reason():
     ((nonce, result, reason),) = answers(desk, link)
     assert (nonce, result) == ("far", "DENIED")
     assert reason.startswith("MOAR: no target 99")
+
+
+@pytest.mark.parametrize("words", [("hold", "continue"), ("continue", "hold")])
+def test_answers_of_one_cycle_have_each_its_own_reason(words):
+    desk, link = taking_orders().run(2.0), OrderLink(195)
+    for word in words:
+        give(desk, link, word, word)
+    desk.run(0.1)
+    assert {nonce: reason for nonce, _, reason in answers(desk, link)} == {
+        "hold": "MOAR: nothing is flown, rejected",
+        "continue": "MOAR: nothing is held, rejected",
+    }
+
+
+def test_two_refusals_for_the_same_reason_have_it_both():
+    desk, link = taking_orders(), OrderLink(195)
+    desk.landed_state = 4
+    desk.mode = AUTO_RTL
+    desk.run(2.0)
+    for word in ("exit", "evacuation"):
+        give(desk, link, word, word).run(0.1)
+        assert answers(desk, link) == [(word, "TEMPORARILY_REJECTED", "MOAR: landing, rejected")]
 
 
 def test_the_rules_for_mavlink_senders_do_not_block_orders_signed_with_the_key():
