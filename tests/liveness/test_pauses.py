@@ -10,6 +10,7 @@ import pytest
 
 from tests.real_time import real_time
 
+from .rig import COMPANION, PAUSE_CONTINUE
 from .tap import OLDEST_S, clock_s
 
 pytestmark = pytest.mark.xdist_group("pauses")
@@ -62,3 +63,15 @@ def test_a_service_paused_at_any_moment_of_a_cycle_sends_no_old_setpoint(rig):
         rig.watch(moments.uniform(0.1, 0.3))
     assert max(item.age_s for item in rig.tap.setpoints) < OLDEST_S
     assert rig.tap.since(clock_s() - 0.5) or longest_pause_s(rig) >= LET_GO_S
+
+
+@real_time
+def test_continue_after_a_pause_flies_the_rest_of_the_mission(rig):
+    rig.fly()
+    with rig.service.stopped():
+        rig.watch(3.0)
+    rig.watch(8.0)
+    assert longest_pause_s(rig) >= LET_GO_S
+    rig.operator.texts.clear()
+    rig.operator.command("continue", PAUSE_CONTINUE, 1, component=COMPANION)
+    rig.engage()
