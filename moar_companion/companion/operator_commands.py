@@ -38,14 +38,18 @@ def understood(
     command: Accepted, site: Site | None, authority: Authority
 ) -> Task | Order | Refused:
     """Returns the task or order in a command, or the reason for its refusal."""
+    refused = None
+    if site is None:
+        refused = Refused(reason=pilot_texts.NO_SITE())
+    elif authority is Authority.OBSERVE:
+        refused = Refused(reason=pilot_texts.OBSERVE())
     if isinstance(command, PauseContinue):
-        return Order.HOLD if command.pause else Order.CONTINUE
+        return Order.HOLD if command.pause else refused or Order.CONTINUE
     if not isinstance(command.mission, Mission):
         return Order(command.mission)
-    if site is None:
-        return Refused(reason=pilot_texts.NO_SITE())
-    if authority is Authority.OBSERVE:
-        return Refused(reason=pilot_texts.OBSERVE())
+    if refused is not None:
+        return refused
+    assert site is not None
     index = command.index
     if command.mission is Mission.INSPECTION:
         names = tuple(target.name for target in site.targets)

@@ -11,7 +11,16 @@ from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.site import Site
 from moar_companion.types import Mission
 
-from .desk import ACCEPTED, EXIT, INSPECTION, PAUSE_CONTINUE, RELEASE, TEMPORARILY_REJECTED, Desk
+from .desk import (
+    ACCEPTED,
+    DENIED,
+    EXIT,
+    INSPECTION,
+    PAUSE_CONTINUE,
+    RELEASE,
+    TEMPORARILY_REJECTED,
+    Desk,
+)
 from .scripted_autopilot import AUTO_HOLD, OFFBOARD
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
@@ -46,6 +55,13 @@ def test_continue_flies_the_remaining_mission_as_an_order():
     assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
     assert desk.companion.status.task == REST
     desk.run(1.1).send_heartbeat(OFFBOARD).run_until("flying", 0.1).run_until("at_target", 120.0)
+
+
+def test_under_observe_nothing_is_continued_either():
+    desk = desk_after(mode=AUTO_HOLD, authority=Authority.OBSERVE).run(1.2).go_on().run(1.0)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE), desk.setpoints()) == ("idle", [DENIED], [])
+    assert desk.said("MOAR: the authority is observe, denied")
+    assert not desk.said("continue to fly the rest")
 
 
 @pytest.mark.parametrize(
