@@ -71,7 +71,7 @@ class Companion:
     ) -> None:
         self._config = config
         self._vehicle = vehicle
-        self._site_maps = site_maps
+        self._site_maps: SiteMaps | None = None
         self._session = Session(
             links=config.session_links,
             system_id=config.system_id,
@@ -87,30 +87,27 @@ class Companion:
             config.supervision, vehicle.guidance.off_path_m, self._reports
         )
         self._start_report = StartReport(before)
-        self._begin(site_maps)
+        self._pose_tracker = PoseTracker(None, vehicle.autopilot)
+        self._seen_obstacles = SeenObstacles(config.perception, self._reports)
+        self._executor = MissionExecutor(
+            config,
+            vehicle,
+            session=self._session,
+            pose_tracker=self._pose_tracker,
+            orders=self._orders,
+            reports=self._reports,
+            safety_monitor=self._safety_monitor,
+            before=before,
+            seen_obstacles=self._seen_obstacles,
+        )
+        if site_maps is not None:
+            self._take_site_maps(site_maps)
         self._is_last_cycle = False
         """True in the cycle that ends the process."""
         self._cycle_s: float | None = None
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
         self._risk_due_s = self._report_due_s = -math.inf
-
-    def _begin(self, site_maps: SiteMaps | None) -> None:
-        site = None if site_maps is None else site_maps.site
-        self._pose_tracker = PoseTracker(site, self._vehicle.autopilot)
-        self._seen_obstacles = SeenObstacles(self._config.perception, site, self._reports)
-        self._executor = MissionExecutor(
-            self._config,
-            self._vehicle,
-            site_maps,
-            session=self._session,
-            pose_tracker=self._pose_tracker,
-            orders=self._orders,
-            reports=self._reports,
-            safety_monitor=self._safety_monitor,
-            before=self._start_report.before,
-            seen_obstacles=self._seen_obstacles,
-        )
 
     @property
     def telemetry(self) -> Telemetry:
@@ -213,10 +210,13 @@ class Companion:
     def take_ground(self, site_maps: SiteMaps) -> None:
         """Takes the site when its planner is ready; from then on orders are executed."""
         self._orders.planner_ready(self._cycle_s or 0.0)
+        self._take_site_maps(site_maps)
+
+    def _take_site_maps(self, site_maps: SiteMaps) -> None:
         self._site_maps = site_maps
-        before = self._executor
-        self._begin(site_maps)
-        self._executor.take_over(before)
+        self._pose_tracker.take_site(site_maps.site)
+        self._seen_obstacles.take_site(site_maps.site)
+        self._executor.take_ground(site_maps, self._start_report.before)
 
     def note_host(self, host: Host) -> None:
         """Takes the computer's free resources."""
@@ -311,6 +311,8 @@ class Companion:
         """Reports file faults, a restart, and a wrong number of cells."""
         self._reports.report_file_faults(self._executor.host.file_faults, self.telemetry, now_s)
         if self._orders.planner_awaited:
+            if grounded(self.telemetry):
+                self._start_report.drop_task()
             return
         may_continue = not self._executor.status_changed and self.status.task is not None
         cells = None if self.status.state in STREAMING else self._vehicle.risk.cells

@@ -27,29 +27,22 @@ from .reports import Reports
 
 
 class FlightLimits:
-    """The limits at present. site_maps: None without a site: then no flight is possible."""
+    """The limits at present. Before `take_ground` no flight is possible."""
 
-    def __init__(
-        self,
-        site_maps: SiteMaps | None,
-        vehicle: Vehicle,
-        config: CompanionConfig,
-        reports: Reports,
-    ) -> None:
-        self.site_maps = site_maps
+    def __init__(self, vehicle: Vehicle, config: CompanionConfig, reports: Reports) -> None:
+        self.site_maps: SiteMaps | None = None
         """Site and maps, with the obstacles of the sensor; None without a site."""
         self.obstacles_seen = False
         """True once the maps have changed in flight."""
         self._vehicle = vehicle
         self._config = config
         self._reports = reports
-        site = None if site_maps is None else site_maps.site
-        self._fences = SiteFence(site, config.supervision.fence_margin_m)
+        self._fences = SiteFence(None, config.supervision.fence_margin_m)
         self.fence: PlaneFence | None = None
         """Part of the autopilot's fence that cuts the site: plans stay inside."""
         self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
         """Autopilot failsafes."""
-        self.offboard_loss = OffboardLossCheck(site_maps, vehicle, config.supervision, reports)
+        self.offboard_loss = OffboardLossCheck(vehicle, config.supervision, reports)
 
     @property
     def not_ready_reason(self) -> str | None:
@@ -80,6 +73,11 @@ class FlightLimits:
         if pose is None or self.site_maps is None:
             return None
         return self.site_maps.clearance_m(pose, self._vehicle.radius_m)
+
+    def take_ground(self, site_maps: SiteMaps) -> None:
+        """Takes the site and its maps."""
+        self.site_maps = self.offboard_loss.site_maps = site_maps
+        self._fences = SiteFence(site_maps.site, self._config.supervision.fence_margin_m)
 
     def learn_maps(self, site_maps: SiteMaps, flight: PathFollower | None, now_s: float) -> None:
         """Takes maps of the site with other obstacles; brakes where they bar the path ahead."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from ..config import CompanionConfig
+from ..config import Authority, CompanionConfig
 from ..error_margin import margin_of
 from ..estimation.pose import Jump
 from ..estimation.pose_tracker import PoseTracker, SiteMaps
@@ -56,16 +56,15 @@ _SLOW_PACE = 0.5
 
 
 class MissionExecutor:
-    """Holds the mission status and executes the mission.
+    """Holds the mission status and executes the mission. before: memory of the previous process.
 
-    site_maps: None without a site. before: memory of the previous process.
+    Before `take_ground` there is no site: telemetry and risk only.
     """
 
     def __init__(
         self,
         config: CompanionConfig,
         vehicle: Vehicle,
-        site_maps: SiteMaps | None,
         *,
         session: Session,
         pose_tracker: PoseTracker,
@@ -82,7 +81,7 @@ class MissionExecutor:
         self._pose_tracker = pose_tracker
         self._orders = orders
         self._reports = reports
-        self.routes = RouteManager(site_maps, vehicle, config, reports, self._margin)
+        self.routes = RouteManager(vehicle, config, reports, self._margin)
         self.setpoints = SetpointStreamer(
             session, vehicle, config.supervision, self._margin, config.perception.keep_out_m
         )
@@ -92,8 +91,7 @@ class MissionExecutor:
         )
         self._recovery = WindRecovery(reports)
         self._safety_monitor = safety_monitor
-        site = None if site_maps is None else site_maps.site
-        self.status = state_machine.restarted(None if before is None else before.rest(site))
+        self.status = MissionStatus()
         """Mission status: state, task and request."""
         self.status_changed = False
         """True from the first change of the status by an order, a plan or a transition."""
@@ -101,7 +99,7 @@ class MissionExecutor:
         """Numbers of orders that were cancelled since the last transition."""
         self._paths_changed = False
         """True if a search that found no path may find one now."""
-        self.risk_monitor = RiskMonitor(site_maps, vehicle)
+        self.risk_monitor = RiskMonitor(vehicle)
         """The present risk indices, and the escape routes."""
         self._inputs = CycleInputs(
             vehicle,
@@ -134,10 +132,16 @@ class MissionExecutor:
         """Fraction of the planned speed that is flown."""
         return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
 
-    def take_over(self, before: MissionExecutor) -> None:
-        """Takes the values of the executor that ran before the planner was ready."""
-        self.host = before.host
-        self.risk_monitor.accuracies = before.risk_monitor.accuracies
+    def take_ground(self, site_maps: SiteMaps, before: MissionSnapshot | None) -> None:
+        """Takes the site, whose planner is ready, and the rest of the previous process's task.
+
+        Under `observe` nothing is flown, also no rest.
+        """
+        self.routes.limits.take_ground(site_maps)
+        self.risk_monitor.take_site(site_maps.site)
+        flies = self._config.authority is not Authority.OBSERVE
+        if flies and not self.status_changed and before is not None:
+            self.status = state_machine.restarted(before.rest(site_maps.site))
 
     # The stages of a cycle, in this order
 

@@ -34,10 +34,9 @@ class OffboardLossCheck:
     limits: the action on an objection. An escape route only causes a warning: staying is no better.
     """
 
-    def __init__(
-        self, site_maps: SiteMaps | None, vehicle: Vehicle, limits: Supervision, reports: Reports
-    ) -> None:
-        self._site_maps = site_maps
+    def __init__(self, vehicle: Vehicle, limits: Supervision, reports: Reports) -> None:
+        self.site_maps: SiteMaps | None = None
+        """Site and maps; None without a site."""
         self._vehicle = vehicle
         self._check = limits.loss_action
         self._failsafe_check = limits.failsafe_action
@@ -76,7 +75,7 @@ class OffboardLossCheck:
 
     def learn_maps(self, site_maps: SiteMaps, flight: PathFollower | None, now_s: float) -> None:
         """Takes maps with other obstacles; checks the current flight or hold by them."""
-        self._site_maps = site_maps
+        self.site_maps = site_maps
         self._check_flight(flight, now_s)
 
     def _check_flight(self, flight: PathFollower | None, now_s: float) -> None:
@@ -142,9 +141,9 @@ class OffboardLossCheck:
         self, failsafes: Failsafes, reach: FreeDistance | None, rests_m: FloatArray
     ) -> str | None:
         """Text of a failsafe's collision from places (n, 2) after a link loss; None without one."""
-        if self._site_maps is None:
+        if self.site_maps is None:
             return None
-        found = failsafe_hit(failsafes.of(LINKS), reach or self._site_maps.maps.reach, rests_m)
+        found = failsafe_hit(failsafes.of(LINKS), reach or self.site_maps.maps.reach, rests_m)
         if found is None:
             return None
         action, hit = found
@@ -154,7 +153,7 @@ class OffboardLossCheck:
 
     def _objection_to(self, reach: FreeDistance | None, rests_m: FloatArray) -> str | None:
         """Reason why an offboard loss at stop points (n, 2) is unsafe; None if it is safe."""
-        loss, site_maps = self.loss, self._site_maps
+        loss, site_maps = self.loss, self.site_maps
         if loss is None or site_maps is None:
             return None
         lag = loss.lag(self._vehicle.guidance.acceleration_mps2)

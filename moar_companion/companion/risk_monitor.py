@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from ..contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
 from ..contingency.route_cost import EnergyForecast
-from ..estimation.pose_tracker import SiteMaps, grounded
+from ..estimation.pose_tracker import grounded
 from ..guidance.flight_volume import FlightVolume
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import PowerModel
@@ -15,15 +15,16 @@ from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
 from ..risk.wind import MOTOR_OUTPUT
 from ..safety.check_inputs import EscapeRoute
+from ..site import Site
 from ..telemetry import Telemetry
 from ..types import Vector
 from ..vehicle import Vehicle
 
 
 class RiskMonitor:
-    """Risks by telemetry and by the path still to be flown. site_maps: None without a site."""
+    """Risks by telemetry and by the path still to be flown, once it has a site."""
 
-    def __init__(self, site_maps: SiteMaps | None, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._power = PowerModel.of(vehicle)
         self.risk = RiskEstimate.unknown(vehicle.risk)
@@ -32,14 +33,16 @@ class RiskMonitor:
         """Wind in which the aircraft can hold; None before an autopilot is received."""
         self.saturated = False
         """True while lean or motors are at their limits."""
-        self.contingencies = (
-            None if site_maps is None else ContingencyPlanner(site_maps.site, vehicle, self._power)
-        )
+        self.contingencies: ContingencyPlanner | None = None
         """Contingency plans; None without a site."""
         self._answers: deque[PlanAnswer] = deque()
         """Answers to jobs of contingencies, for the next cycle."""
         self.accuracies: tuple[object, ...] = ()
         """Reports of position accuracy that were last noted."""
+
+    def take_site(self, site: Site) -> None:
+        """Takes the site of the contingency plans."""
+        self.contingencies = ContingencyPlanner(site, self._vehicle, self._power)
 
     @property
     def energy_forecast(self) -> EnergyForecast | None:

@@ -39,11 +39,10 @@ _OFF_PATH_FOR_S = 1.0
 
 
 class RouteManager:
-    """An aircraft's route on a site. site_maps: None without a site: then no plan is possible."""
+    """An aircraft's route on a site. Before `limits` have a site no plan is possible."""
 
     def __init__(
         self,
-        site_maps: SiteMaps | None,
         vehicle: Vehicle,
         config: CompanionConfig,
         reports: Reports,
@@ -51,7 +50,7 @@ class RouteManager:
     ) -> None:
         self.flight: PathFollower | None = None
         """Active or offered flight; None while there is none."""
-        self.limits = FlightLimits(site_maps, vehicle, config, reports)
+        self.limits = FlightLimits(vehicle, config, reports)
         """Limits of the flight: maps, and the autopilot's fence, offboard loss, failsafes."""
         self._vehicle = vehicle
         self._config = config

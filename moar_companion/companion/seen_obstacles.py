@@ -37,14 +37,12 @@ _MOST_NOTES = 200
 
 
 class SeenObstacles:
-    """Keeps the newest report, and the obstacles of the present maps.
+    """Keeps the newest report, and the obstacles of the present maps."""
 
-    site: of the file, as flown; None without a site.
-    """
-
-    def __init__(self, settings: Perception, site: Site | None, reports: Reports) -> None:
+    def __init__(self, settings: Perception, reports: Reports) -> None:
         self.settings = settings
-        self._site = site
+        self._site: Site | None = None
+        """Site of the file, as flown; None without a site."""
         self._reports = reports
         self.report: PerceptionReport | None = None
         """The newest report; None before the first."""
@@ -74,6 +72,10 @@ class SeenObstacles:
         """Sum of the jumps of the estimate."""
         self._reported_m: dict[tuple[str, str], float] = {}
         """Last reported distance, by names in the file and as seen; 0 for an unknown conductor."""
+
+    def take_site(self, site: Site) -> None:
+        """Takes the site, as flown."""
+        self._site = site
 
     @property
     def health(self) -> SensorHealth:

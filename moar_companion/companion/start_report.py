@@ -23,17 +23,19 @@ class StartReport:
 
     def __init__(self, before: MissionSnapshot | None) -> None:
         self.before = before
-        """Memory of the previous process, without a task that was released since."""
+        """Memory of the previous process, without a task that was released or landed since."""
         self._received_s: float | None = None
         self._reported = False
         self._pack_reported = False
 
     def note_order(self, command: Command) -> None:
-        """Takes an executed order: a release drops the task.
+        """Takes an executed order: a release drops the task."""
+        if stops(command) and not holds(command):
+            self.drop_task()
 
-        The mission status is created again from `before` when the planner is ready.
-        """
-        if self.before is not None and stops(command) and not holds(command):
+    def drop_task(self) -> None:
+        """Drops the task, which the mission status has only when the planner is ready."""
+        if self.before is not None:
             self.before = replace(self.before, task=None)
 
     def texts(

@@ -99,6 +99,10 @@ class PoseTracker:
         self._step: tuple[float, Vector] | None = None
         """Time and size of the last position step that the velocity does not explain."""
 
+    def take_site(self, site: Site) -> None:
+        """Takes the site; the next update gives the pose on it, also by the same telemetry."""
+        self._site, self._plane, self._pose, self._telemetry = site, None, None, None
+
     @property
     def plane(self) -> PlaneToLocal | None:
         """Map from the site's frame to the autopilot's."""

@@ -44,21 +44,21 @@ def test_a_mission_ordered_in_the_air_is_accepted_when_its_plan_is_ready():
 
 
 @pytest.mark.parametrize(
-    ("case", "armed", "landed_state"),
+    ("case", "armed", "landed_state", "reason"),
     [
-        ("armed on the ground", True, 1),
-        ("disarmed on the ground", False, 1),
-        ("disarmed, though it says in the air", False, 2),
-        ("still taking off", True, 3),
-        ("landed state unknown", True, 0),
+        ("armed on the ground", True, 1, "not in the air"),
+        ("disarmed on the ground", False, 1, "not in the air"),
+        ("disarmed, though it says in the air", False, 2, "not in the air"),
+        ("still taking off", True, 3, "taking off"),
+        ("landed state unknown", True, 0, "not in the air"),
     ],
 )
-def test_a_mission_is_temporarily_rejected_unless_in_the_air(case, armed, landed_state):
+def test_a_mission_is_temporarily_rejected_unless_in_the_air(case, armed, landed_state, reason):
     desk = Desk()
     desk.armed, desk.landed_state = armed, landed_state
     desk.run(1.2).order(INSPECTION).run(1.0)
     assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
-    assert desk.said("not in the air")
+    assert desk.said(f"MOAR: {reason}, rejected")
     assert not desk.setpoints()
 
 

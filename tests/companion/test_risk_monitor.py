@@ -17,7 +17,7 @@ class Aircraft:
     """Reports ten times a second with one motor at its limit; messages in `silent` are missing."""
 
     def __init__(self):
-        self.risk_monitor = RiskMonitor(None, VEHICLE)
+        self.risk_monitor = RiskMonitor(VEHICLE)
         self.telemetry = Telemetry()
         self.now_s = 100.0
         self.silent = set()

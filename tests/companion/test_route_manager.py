@@ -46,13 +46,13 @@ class Routes:
         self.recorded = []
         reports = SimpleNamespace(record=self._record, send_text=lambda *_, **__: None)
         self.manager = RouteManager(
-            SiteMaps(site=self.planner.site, maps=self.planner.maps),
             self.planner.vehicle,
             CompanionConfig(vehicle=shipped_configs()),
             reports,
             self.planner.site.margin,
         )
         limits = self.manager.limits
+        limits.take_ground(SiteMaps(site=self.planner.site, maps=self.planner.maps))
         limits.offboard_loss.loss = loss_of(autopilots.PX4) if known else None
         unlimited = dict.fromkeys(profile(autopilots.PX4).fence_parameters, 0.0)
         limits._fences.learn(autopilots.PX4, unlimited, (), None)
