@@ -21,6 +21,12 @@ CONTINUE_POSSIBLE = PilotText(
     meaning="the mission that a restart or a passing cause has interrupted is kept",
     remedy="order `continue`",
 )
+SERVICE_ENDS = PilotText(
+    pattern="the service ends",
+    actions=("released", "failed"),
+    meaning="the companion's process is stopped; open orders fail",
+    remedy="fly on by hand; after its start order `continue` or a mission",
+)
 MODE_STILL_ON = PilotText(
     pattern="{own_mode} is on, waiting for an order",
     meaning="after a restart in flight the autopilot still is in our mode",

@@ -252,6 +252,7 @@ class Companion:
             self._is_last_cycle = False
             self._executor.rule(now_s)
             self._executor.shut_down(now_s)
+            self._orders.end(now_s)
             return
         self._cycle_s = now_s
         self._executor.risk_monitor.take_answers(self._executor.routes.limits.volume)
@@ -270,7 +271,8 @@ class Companion:
     def shut_down(self, now_s: float) -> None:
         """Runs the last cycle of the process: ends the stream at rest, if still permitted.
 
-        Forecast and risks are not updated in it: an error there would cost the last setpoint.
+        Open orders get their final answer. The mission status stays, for the next process. Forecast
+        and risks are not updated in it: an error there would cost the last setpoint.
         """
         self._is_last_cycle = True
         self.tick(now_s)

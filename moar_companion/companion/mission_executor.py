@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from .. import service_texts
 from ..config import Authority, CompanionConfig
 from ..error_margin import margin_of
 from ..estimation.pose import Jump
@@ -277,11 +278,18 @@ class MissionExecutor:
         self._paths_changed = True
 
     def shut_down(self, now_s: float) -> None:
-        """Ends the setpoint stream at rest, if still permitted, before the process ends."""
-        if (
-            self.status.state in STREAMING
-            and self.ruling.action is not Action.RELEASE
-            and (self._inputs.mode_ours or self.status.state is MissionState.READY)
+        """Ends the setpoint stream at rest, if still permitted, before the process ends.
+
+        A text reports that control ends.
+        """
+        if self.status.state not in STREAMING:
+            return
+        action = MissionState.RELEASED.words
+        self._reports.send_text(
+            Severity.WARNING, service_texts.SERVICE_ENDS(), now_s, action=action, is_new=True
+        )
+        if self.ruling.action is not Action.RELEASE and (
+            self._inputs.mode_ours or self.status.state is MissionState.READY
         ):
             self._send_last_setpoint(now_s)
 

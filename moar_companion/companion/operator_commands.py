@@ -125,6 +125,11 @@ class OperatorCommands:
                 earlier.append(command)
         return due
 
+    def end(self, now_s: float) -> None:
+        """Answers all open orders before the process ends."""
+        for command in self._session.commands.unanswered:
+            self.answer(command.number, Verdict.FAILED, service_texts.SERVICE_ENDS(), now_s)
+
     def answer(self, order_id: int, verdict: Verdict, reason: str, now_s: float) -> None:
         """Sends the final answer to an order; nothing where it has one already."""
         command = self._session.commands.open(order_id)

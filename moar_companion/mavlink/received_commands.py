@@ -234,6 +234,11 @@ class ReceivedCommands:
         """Commands that are neither executed nor answered, in the order of arrival."""
         return [received.command for received in self._open.values() if received.executed_s is None]
 
+    @property
+    def unanswered(self) -> list[Accepted]:
+        """Commands without a final answer, in the order of arrival."""
+        return [received.command for received in self._open.values()]
+
     def note_executed(self, command: Command, now_s: float) -> None:
         """Notes that the execution of a waiting command begins."""
         self._open[command.number].executed_s = now_s

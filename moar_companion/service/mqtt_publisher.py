@@ -73,7 +73,9 @@ class MqttPublisher:
             _logger.error("MQTT ended: %s: %s", type(error).__name__, error)  # noqa: TRY400
 
     def close(self) -> None:
-        """Publishes that the companion is offline; waits a limited time."""
+        """Publishes the last answers, and that the companion is offline; waits a limited time."""
+        if self.orders is not None:
+            self.orders.answer()
         self._client.close()
 
 
@@ -126,5 +128,9 @@ class _Traffic:
             self._orders.receive(payload, retained=retained)
 
     def last_messages(self) -> Sequence[Message]:
-        """Messages equal to the last will, which a broker does not send after a disconnection."""
-        return [online_message(self._vehicle, Online(online=False, since_s=time.time()))]
+        """Last replies, and a message equal to the last will.
+
+        A broker does not send the will after a disconnection.
+        """
+        replies = [] if self._orders is None else self._orders.replies()
+        return [*replies, online_message(self._vehicle, Online(online=False, since_s=time.time()))]

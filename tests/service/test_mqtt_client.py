@@ -18,12 +18,13 @@ from moar_companion.mqtt import reconnecting
 from moar_companion.mqtt.orders import signed_order
 from moar_companion.mqtt.payloads import OrderPayload
 from moar_companion.mqtt.topics import TOPICS
-from moar_companion.mqtt_config import Mqtt, MqttCommands
+from moar_companion.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
 from moar_companion.service import mqtt_client, mqtt_publisher
 from moar_companion.service.mqtt_publisher import open_publisher
 from sitl.demonstration.broker import Certificates, free_tcp_port, running_broker
 from tests.processes import companion
 
+from ..companion.desk import Desk
 from ..mqtt.brokers import CERTIFICATES, Reader, hanging, private, wait_until
 from ..mqtt.statuses import flying, status_of
 
@@ -225,6 +226,31 @@ def test_a_reply_whose_publication_fails_is_published_after_the_reconnection(
         wait_until(lambda: loop.client.connected)
         wait_until(lambda: reader.of("reply"), 10.0)
     assert [reply["reason"] for reply in reader.of("reply")] == ["wrong signature"]
+
+
+def test_an_answer_of_the_last_cycle_is_published(port, reader, tmp_path):
+    key = tmp_path / "orders.key"
+    key.write_bytes(b"k" * 32)
+    key.chmod(0o400)
+    commands = MqttCommands(accept=True, key_file=key)
+    with publishing(f"mqtt://127.0.0.1:{port}", tmp_path, commands=commands) as loop:
+        wait_until(lambda: loop.client.connected)
+        given = OrderPayload(mission="inspection", time_s=time.time() + 1.0, nonce="n" * 16)
+        orders = loop._publisher.orders
+        reader.publish("moar/a1/order", signed_order(given, "a1", b"k" * 32))
+        wait_until(lambda: orders._waiting)
+        desk = Desk(mqtt=Mqtt(url="mqtt://a", vehicle="a1", commands=MqttCommands(accept=True)))
+        desk.run(1.0)
+        for packet in orders.take():
+            desk.handle(packet, ORDER_LINK)
+        desk.companion.shut_down(desk.now_s)
+        for link, data in desk.companion.data_to_send():
+            if link == ORDER_LINK:
+                orders.send(data, 0.0, ())
+    wait_until(lambda: reader.of("online") and not reader.of("online")[-1]["online"])
+    assert [(reply["result"], reply["reason"]) for reply in reader.of("reply")] == [
+        ("FAILED", "MOAR: the service ends, failed")
+    ]
 
 
 @pytest.fixture(scope="module")
