@@ -279,6 +279,9 @@ class CompanionConfig:
         )
 
 
+SLOWEST_HZ, FASTEST_HZ = 20.0, 100.0
+"""Rates of setpoints. At the smallest one a cycle may still be a whole period late: its output is
+discarded, and the reference held back, after 0.1 s (`service/app`, `companion/companion`)."""
 _Id = Annotated[int, Field(ge=1, le=255)]
 
 
@@ -315,7 +318,7 @@ class _CompanionFile(FileModel):
     system_id: _Id = 1
     component_id: _Id = 195
     authority: Annotated[Authority, Strict(strict=False)] = Authority.STREAM
-    setpoint_rate_hz: Annotated[float, Field(ge=20.0, le=100.0)] = 50.0
+    setpoint_rate_hz: Annotated[float, Field(ge=SLOWEST_HZ, le=FASTEST_HZ)] = 50.0
     resume: bool = False
     commands: _CommandsFile = Field(default_factory=_CommandsFile)
     replanning: Annotated[Replanning, Section(Replanning)] = Field(default_factory=Replanning)
