@@ -215,7 +215,7 @@ class MissionExecutor:
         elif self.status.requested is not None and self.routes.flight is not None:
             # The planner is slower than the flight: the next plan begins at a stop point.
             self.routes.brake()
-            self._request_plan(self.status.requested, now_s)
+            self._carry_out((self.status, self._request_plan(self.status.requested, now_s)), now_s)
 
     def withdraw(self, order_id: int) -> None:
         """Takes an order that its operator cancelled, for the next transition."""
@@ -351,7 +351,7 @@ class MissionExecutor:
                     )
                     self._take(status, now_s)
                     return effects
-                self._request_plan(task, now_s)
+                return self._request_plan(task, now_s)
             case Answer(order_id, verdict, reason):
                 self._orders.answer(order_id, verdict, reason, now_s)
             case SendText(text, action, serious, is_new, condition):
@@ -372,9 +372,15 @@ class MissionExecutor:
                 self.mode_requester.note_landing()
         return ()
 
-    def _request_plan(self, task: Task, now_s: float) -> None:
-        """Requests a task's first plan."""
-        self.routes.ask(task, self._pose_tracker.pose, self.risk.indices, now_s, first=True)
+    def _request_plan(self, task: Task, now_s: float) -> tuple[Effect, ...]:
+        """Requests a task's first plan; returns the effects where that is impossible."""
+        pose, risk = self._pose_tracker.pose, self.risk.indices
+        reason = self.routes.ask(task, pose, risk, now_s, first=True)
+        if reason is None:
+            return ()
+        status, effects = state_machine.unplanned(self.status, reason, now_s, failed=True)
+        self._take(status, now_s)
+        return effects
 
     def _stream(self, now_s: float, step_s: float) -> None:
         """Sends this instant's setpoint; a refusal is a fault for the next cycle's checks.
@@ -403,7 +409,8 @@ class MissionExecutor:
         if refused.rest is not None:
             self.routes.stop_at(refused.rest.position_m)
             if self.status.requested is not None:
-                self._request_plan(self.status.requested, now_s)
+                effects = self._request_plan(self.status.requested, now_s)
+                self._carry_out((self.status, effects), now_s)
 
     def _send_last_setpoint(self, now_s: float) -> None:
         """Sends the last setpoint before the stream ends: the previous place, at rest."""

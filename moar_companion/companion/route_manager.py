@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from .. import pilot_texts
 from ..adaptation import Adaptation
 from ..config import CompanionConfig
 from ..estimation.pose import Pose
@@ -156,21 +157,23 @@ class RouteManager:
         first: bool,
         recover: bool = False,
         reason: str = "an order",
-    ) -> bool:
-        """Requests a task's plan from the junction; returns True if requested.
+    ) -> str | None:
+        """Requests a task's plan from the junction; returns the reason where that is impossible.
 
         recover: from the aircraft's position, off its path. reason: for the record.
         """
         volume = self.limits.volume
-        if pose is None or volume is None:
-            return False
+        if pose is None:
+            return "local origin unknown"
+        if volume is None:
+            return self.limits.not_ready_reason or pilot_texts.NO_SITE()
         if self.flight is None:
             self.flight = PathFollower(volume, pose)
         junction = self.flight.path.junction_at(pose) if recover else self.flight.path.junction()
         if first:
             self.inflation.forget_no_room()
         elif junction.at_end and not self.flight.braked:
-            return False
+            return "at the plan's end"
         width_m = self.inflation.of(task.mission)
         self._plans.ask(
             task,
@@ -188,7 +191,7 @@ class RouteManager:
         )
         if not first:
             self._reports.record("replan", now_s, reason=reason)
-        return True
+        return None
 
     def checked_for_offboard_loss(
         self, awaited: Awaited, answer: PlanAnswer, now_s: float, *, ordered: bool

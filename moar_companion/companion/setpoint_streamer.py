@@ -66,9 +66,10 @@ class SetpointStreamer:
     ) -> SetpointRefusal | None:
         """Sends a flight's setpoint of the site's frame, or returns the reason for its refusal.
 
-        After a refusal the last setpoint is sent at rest: as a hold, if it passes the checks. If
-        only a jump makes it fail, it is sent too, as the end of the stream. The aircraft is where
-        that setpoint was accepted, and would fly on otherwise.
+        After a refusal the last setpoint is sent at rest: as a hold, if it passes the checks. If it
+        fails, for whatever reason (a jump, a seen obstacle, another fence), it is sent too, as the
+        end of the stream. The aircraft is where that setpoint was accepted, and without it the
+        autopilot would fly on with the velocity of that setpoint.
         """
         # Inside the margin a setpoint is only narrow: a small jump of the estimate may cause it.
         margin_m = flight.path.volume.site.margin.total_m

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from moar_companion.companion.flight_limits import FlightLimits
 from moar_companion.config import Authority
 
 from ..mavlink.peer import Peer
@@ -41,6 +42,14 @@ def test_a_mission_ordered_in_the_air_is_accepted_when_its_plan_is_ready():
     assert (acknowledged.target_system, acknowledged.target_component) == (255, 190)
     assert (acknowledged.get_srcSystem(), acknowledged.get_srcComponent()) == (1, 195)
     assert desk.said("MOAR: ready for inspection")
+
+
+def test_an_order_whose_plan_cannot_be_requested_is_denied(monkeypatch):
+    desk = Desk().run(1.2)
+    monkeypatch.setattr(FlightLimits, "volume", None)
+    desk.order(INSPECTION).run(0.1)
+    assert (desk.state, desk.answers()) == ("idle", [DENIED])
+    assert desk.said("MOAR: no site is loaded, denied")
 
 
 @pytest.mark.parametrize(

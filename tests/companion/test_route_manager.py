@@ -63,7 +63,7 @@ class Routes:
 
     def begin(self, task=INSPECTION):
         """Begins a task; returns its request with the answer."""
-        assert self.manager.ask(task, START, CALM, self.now_s, first=True)
+        assert self.manager.ask(task, START, CALM, self.now_s, first=True) is None
         (job,) = self.manager.plan_jobs()
         taken = self.answered(job)
         assert self.adopted(*taken) is Adoption.NEW_PATH
@@ -93,13 +93,13 @@ class Routes:
 
 def test_no_plan_is_requested_before_the_position_is_known():
     routes = Routes()
-    assert not routes.manager.ask(INSPECTION, None, CALM, 0.0, first=True)
+    assert routes.manager.ask(INSPECTION, None, CALM, 0.0, first=True) is not None
     assert (routes.manager.plan_jobs(), routes.manager.flight) == ([], None)
 
 
 def test_no_plan_is_requested_before_the_offboard_loss_action_is_known():
     routes = Routes(known=False)
-    assert not routes.manager.ask(INSPECTION, START, CALM, 0.0, first=True)
+    assert routes.manager.ask(INSPECTION, START, CALM, 0.0, first=True) is not None
     assert (routes.manager.plan_jobs(), routes.manager.flight) == ([], None)
 
 
@@ -172,7 +172,7 @@ def test_the_wait_for_a_plan_is_not_ended_by_plans_that_newer_maps_bar():
 
 def test_a_first_plan_that_newer_maps_bar_again_and_again_fails_after_five_seconds():
     routes = Routes()
-    assert routes.manager.ask(INSPECTION, START, CALM, 0.0, first=True)
+    assert routes.manager.ask(INSPECTION, START, CALM, 0.0, first=True) is None
     (job,) = routes.manager.plan_jobs()
     for _ in range(4):
         routes.now_s += 1.2

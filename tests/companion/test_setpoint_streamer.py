@@ -105,24 +105,43 @@ class Anywhere:
 
 
 class Sent:
-    """A session that stores the places of its setpoints."""
+    """A session that stores the places and velocities of its setpoints."""
 
     def __init__(self):
-        self.places_ned_m = []
+        self.places_ned_m, self.velocities_mps = [], []
 
-    def send_setpoint(self, place_ned_m, *_):
+    def send_setpoint(self, place_ned_m, velocity_mps, *_):
         self.places_ned_m.append(place_ned_m)
+        self.velocities_mps.append(velocity_mps)
+
+
+def streamed():
+    """A streamer of the usual planner's vehicle, its session, a flight and its plane."""
+    planner, session = usual_planner(), Sent()
+    frame = planner.site.frame
+    plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), autopilots.PX4)
+    margin = Margin(position_m=0.9, tracking_m=0.0)
+    stream = SetpointStreamer(session, planner.vehicle, Supervision(), margin, 0.5)
+    return stream, session, Anywhere(), plane
+
+
+def test_where_even_the_rest_is_refused_the_stream_ends_at_rest_at_the_last_place():
+    """The autopilot would go on with the last velocity until its offboard loss."""
+    stream, session, flight, plane = streamed()
+    moving = Setpoint(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.5, 0.0, 0.0), yaw_rad=0.0)
+    assert stream.send(moving, flight, plane, 1.0) is None
+    flight.reason = "sp outside GF_MAX_HOR_DIST 100 m"
+    refused = stream.send(replace(moving, position_m=(5.01, 0.0, 5.0)), flight, plane, 1.02)
+    assert refused.rest is None
+    first, last = session.places_ned_m
+    assert last == first
+    assert math.hypot(*session.velocities_mps[-1]) == 0.0
 
 
 @pytest.mark.parametrize(("ends", "sent"), [(False, 2), (True, 1)])
 def test_the_exception_for_a_setpoint_at_rest_after_a_jump_ends_with_the_stream(ends, sent):
     """A place outside the workspace, not caused by a jump in this flight."""
-    planner, session, flight = usual_planner(), Sent(), Anywhere()
-    frame = planner.site.frame
-    plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), autopilots.PX4)
-    stream = SetpointStreamer(
-        session, planner.vehicle, Supervision(), Margin(position_m=0.9, tracking_m=0.0), 0.5
-    )
+    stream, session, flight, plane = streamed()
     rest = Setpoint(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     assert stream.send(rest, flight, plane, 1.0) is None
     jump = Jump(step_m=(0.0, 0.0, 0.6), origin_step_m=(0.0, 0.0, 0.0), turn_rad=0.0)
