@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
+import math
 from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -57,7 +58,8 @@ class OrderChecks:
     """Takes an order if it is signed, fresh, and received for the first time.
 
     Fresh: its time differs from this computer's clock by the window at most, and is after the
-    start, since earlier orders are not stored. A clock that is set back makes no old order fresh.
+    start, since earlier orders are not stored. A clock that is set back makes no taken order fresh;
+    orders that a wrong clock has refused bar no later ones.
     An order that begins a flight is also refused if it is older than one taken before.
     """
 
@@ -65,9 +67,11 @@ class OrderChecks:
         self._vehicle = vehicle
         self._key = key
         self._window_s = window_s
-        self._started_s = self._latest_s = wall_s
+        self._started_s = wall_s
         self._taken: dict[str, float] = {}
         """Time of each order by its nonce, the oldest arrival first."""
+        self._forgotten_s = -math.inf
+        """Orders before this time are not stored any more, and refused."""
 
     def check(
         self, payload: bytes, wall_s: float, *, retained: bool = False
@@ -100,12 +104,12 @@ class OrderChecks:
         return envelope.order if right else None
 
     def _objection(self, order: OrderPayload, wall_s: float) -> str | None:
-        self._latest_s = max(self._latest_s, wall_s)
-        oldest_s = self._latest_s - self._window_s
+        oldest_s = max(wall_s - self._window_s, self._forgotten_s)
         if order.time_s > wall_s + self._window_s:
             return f"given {order.time_s - wall_s:.0f} s ahead of this clock"
         if order.time_s < oldest_s:
-            return f"given {self._latest_s - order.time_s:.0f} s ago (limit {self._window_s:g} s)"
+            age_s = oldest_s + self._window_s - order.time_s
+            return f"given {age_s:.0f} s ago (limit {self._window_s:g} s)"
         if order.time_s < self._started_s:
             return "given before the companion's start"
         if order.nonce in self._taken:
@@ -113,6 +117,9 @@ class OrderChecks:
         newest_s = max(self._taken.values(), default=order.time_s)
         if order.time_s < newest_s and order.mission not in _ALWAYS_TAKEN:
             return "given before the newest order"
-        for nonce in [nonce for nonce, time_s in self._taken.items() if time_s < oldest_s]:
+        # An order's time is a window ahead at most: none that is fresh is as old as these.
+        forgotten_s = max(newest_s, order.time_s) - 2.0 * self._window_s
+        self._forgotten_s = max(self._forgotten_s, forgotten_s)
+        for nonce in [nonce for nonce, time_s in self._taken.items() if time_s < forgotten_s]:
             del self._taken[nonce]
         return "too many orders" if len(self._taken) >= _MOST_NONCES else None

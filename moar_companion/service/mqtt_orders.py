@@ -23,6 +23,8 @@ from ..mqtt.topics import ORDER, REPLY, Message, topic_name
 _MOST_WAITING = 8
 """Maximum number of orders for the next cycle: more than an operator gives in 20 ms."""
 _MOST_REPLIES = 64
+_MOST_GIVEN = 64
+"""Number of the latest orders whose repeats get the same answer."""
 
 _logger = logging.getLogger(__name__)
 
@@ -35,6 +37,10 @@ class MqttOrders:
         self._reply_topic = topic_name(vehicle, REPLY)
         self._checks = checks
         self._link = OrderLink(component_id)
+        self._given: dict[bytes, str] = {}
+        """Nonces of the latest orders taken, by payload."""
+        self._answers: dict[str, Reply] = {}
+        """Their last replies, by nonce."""
         self._waiting: deque[OrderPayload] = deque()
         self._replies: deque[Reply] = deque(maxlen=_MOST_REPLIES)
         self._unpublished: deque[Message] = deque(maxlen=_MOST_REPLIES)
@@ -45,13 +51,20 @@ class MqttOrders:
     # The client's thread
 
     def receive(self, payload: bytes, *, retained: bool) -> None:
-        """Takes a message of the order topic."""
+        """Takes a message of the order topic. One that is delivered again gets the same answer."""
+        if payload in self._given:
+            self._answer_again(self._given[payload])
+            return
         found = self._checks.check(payload, time.time(), retained=retained)
         if not isinstance(found, OrderPayload):
             self._refuse(found.nonce, found.reason)
-        elif len(self._waiting) >= _MOST_WAITING:
+            return
+        self._given[payload] = found.nonce
+        while len(self._given) > _MOST_GIVEN:
+            self._answers.pop(self._given.pop(next(iter(self._given))), None)
+        if len(self._waiting) >= _MOST_WAITING:
             reason = "too many orders at once"
-            self._reply(found.nonce, CommandResult.TEMPORARILY_REJECTED, reason)
+            self._answer(found.nonce, CommandResult.TEMPORARILY_REJECTED, reason)
         else:
             self._waiting.append(found)
 
@@ -67,6 +80,12 @@ class MqttOrders:
     def published(self) -> None:
         """Removes the replies that the last call of `replies` returned."""
         self._unpublished.clear()
+
+    def _answer_again(self, nonce: str) -> None:
+        """Repeats the last reply to an order; one without a reply yet gets its own later."""
+        reply = self._answers.get(nonce)
+        if reply is not None and self._refusals.allows(None, clock_s()):
+            self._replies.append(reply)
 
     def _refuse(self, nonce: str | None, reason: str) -> None:
         """Replies to a refused order, but not to a flood of them."""
@@ -99,18 +118,22 @@ class MqttOrders:
         """Replies to the orders that the packets of this cycle answer."""
         packets, self._packets = self._packets, []
         for answer in self._link.answers(packets):
-            self._reply(answer.order_id, answer.result, answer.reason)
+            self._answer(answer.order_id, answer.result, answer.reason)
 
-    def _reply(self, nonce: str | None, result: CommandResult, reason: str) -> None:
+    def _answer(self, nonce: str, result: CommandResult, reason: str) -> None:
+        """Replies to an order that was taken; keeps the reply for its repeats."""
+        self._answers[nonce] = self._reply(nonce, result, reason)
+
+    def _reply(self, nonce: str | None, result: CommandResult, reason: str) -> Reply:
         final = result is not CommandResult.IN_PROGRESS
-        self._replies.append(
-            Reply.model_validate(
-                {
-                    "time_s": time.time(),
-                    "nonce": nonce,
-                    "result": result.name,
-                    "final": final,
-                    "reason": reason,
-                }
-            )
+        reply = Reply.model_validate(
+            {
+                "time_s": time.time(),
+                "nonce": nonce,
+                "result": result.name,
+                "final": final,
+                "reason": reason,
+            }
         )
+        self._replies.append(reply)
+        return reply

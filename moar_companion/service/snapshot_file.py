@@ -3,8 +3,8 @@
     DIRECTORY/mission.json
 
 A new file is written beside it and renamed over it. A killed process or a loss of power leaves the
-old file or the new one. After a failed write the file is removed: an outdated snapshot is worse
-than none.
+old file or the new one. After a failed write, or one that the end of the process does not wait for,
+the file is removed: an outdated snapshot is worse than none.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -26,6 +27,9 @@ from ..safety.file_faults import FileFault, words
 _NAME = "mission.json"
 _LONGEST_BYTES = 65536
 """A longer file is not a mission snapshot."""
+
+_REMOVAL_S = 1.0
+"""Longest wait for the removal of an outdated file at the end of the process."""
 
 _logger = logging.getLogger(__name__)
 
@@ -92,8 +96,14 @@ class SnapshotFile:
         self._writer.put(encoded(memory, clock_offset_s))
 
     def close(self) -> None:
-        """Waits a limited time for the pending write."""
-        self._writer.close()
+        """Waits a limited time for the pending write; after that the outdated file is removed."""
+        if self._writer.close():
+            return
+        _logger.warning("%s: the last state is not written: the disk is too slow", self._path)
+        # A removal needs no disk where the write waits for it; the process ends in any case.
+        removal = threading.Thread(target=self._remove, name="outdated state", daemon=True)
+        removal.start()
+        removal.join(_REMOVAL_S)
 
     def _write_loop(self, batches: Batches) -> None:
         for batch in batches:
@@ -107,11 +117,14 @@ class SnapshotFile:
             reason = service_texts.NO_STATE_FILE(fault=words(error))
             self._write_fault = FileFault(reason=reason, action="restart goes idle")
             _logger.log(level, "%s: not written: %s", self._path, error.strerror)
-            for path in (self._beside, self._path):
-                with contextlib.suppress(OSError):
-                    path.unlink(missing_ok=True)
+            self._remove()
         else:
             self._write_fault = None
+
+    def _remove(self) -> None:
+        for path in (self._beside, self._path):
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
 
 
 def encoded(memory: MissionSnapshot, clock_offset_s: float) -> bytes:

@@ -7,9 +7,11 @@ import secrets
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Commands
 from moar_companion.mavlink.commands import CommandResult
+from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.order_link import OrderLink
 from moar_companion.mqtt.orders import OrderChecks, RefusedOrder, signed_order
 from moar_companion.mqtt.payloads import OrderPayload
@@ -17,7 +19,7 @@ from moar_companion.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
 from moar_companion.service import mqtt_orders
 from moar_companion.service.mqtt_orders import MqttOrders
 
-from ..companion.desk import Desk
+from ..companion.desk import ACCEPTED, IN_PROGRESS, USER_1, Desk
 from ..companion.scripted_autopilot import AUTO_RTL
 
 KEY, OTHER_KEY = b"k" * 32, b"o" * 32
@@ -88,6 +90,34 @@ def test_a_clock_that_is_set_back_makes_no_old_order_fresh():
         later = order(f"{number:016d}", time_s=START_S + 3600.0)
         assert taking.check(signed_order(later, "a1", KEY), START_S + 3600.0) == later
     assert "ago" in refused(taking.check(payload, START_S + 6.0))
+
+
+def test_orders_are_taken_again_when_a_clock_that_was_ahead_is_set_right():
+    taking, wrong_s = checks(), START_S + 3600.0
+    assert "ago" in refused(taking.check(signed_order(order(), "a1", KEY), wrong_s))
+    later = order("1" * 16, time_s=START_S + 8.0)
+    assert taking.check(signed_order(later, "a1", KEY), START_S + 8.5) == later
+
+
+def test_a_hold_of_a_clock_that_is_behind_is_taken_after_an_order_of_one_that_is_ahead():
+    taking, now_s = checks(), START_S + 100.0
+    ahead = order("1" * 16, time_s=now_s + WINDOW_S)
+    behind = order("2" * 16, mission="hold", time_s=now_s - WINDOW_S)
+    assert taking.check(signed_order(ahead, "a1", KEY), now_s) == ahead
+    assert taking.check(signed_order(behind, "a1", KEY), now_s) == behind
+
+
+def test_no_order_that_is_not_stored_any_more_is_taken_again():
+    taking = checks()
+    for number in range(100):
+        time_s = START_S + 1.0 + number
+        payload = signed_order(order(f"{number:016d}", time_s=time_s), "a1", KEY)
+        assert isinstance(taking.check(payload, time_s), OrderPayload)
+        for earlier in range(number + 1):
+            given_s = START_S + 1.0 + earlier
+            again = signed_order(order(f"{earlier:016d}", time_s=given_s), "a1", KEY)
+            assert isinstance(taking.check(again, given_s), RefusedOrder)
+    assert len(taking._taken) < 25
 
 
 ALL_ORDERS = ("inspection", "exit", "evacuation", "hold", "release", "pause", "continue")
@@ -261,8 +291,52 @@ def waiting(monkeypatch):
     return MqttOrders("a1", checks(), 195)
 
 
+def acknowledgement(command, result):
+    """A packet of the companion that answers an order."""
+    ids = {"target_system": 255, "target_component": mavlink.MAV_COMP_ID_UDP_BRIDGE}
+    message = create("COMMAND_ACK", command=command, result=result, **ids)
+    return message.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=195))
+
+
 def replies(orders):
     return [json.loads(message.payload) for message in orders.replies()]
+
+
+def test_a_doubled_order_gets_the_same_answer_and_is_given_once(waiting):
+    """MQTT delivers with quality of service 1 at least once."""
+    payload = signed_order(order(mission="hold"), "a1", KEY)
+    waiting.receive(payload, retained=False)
+    waiting.receive(payload, retained=False)
+    assert (len(waiting.take()), replies(waiting)) == (1, [])
+    waiting.send(acknowledgement(USER_1, ACCEPTED), 0.0, ())
+    waiting.answer()
+    (first,) = replies(waiting)
+    assert (first["result"], first["final"]) == ("ACCEPTED", True)
+    waiting.published()
+    for retained in (False, True):
+        waiting.receive(payload, retained=retained)
+        assert replies(waiting) == [first]
+        waiting.published()
+    assert waiting.take() == []
+
+
+def test_a_doubled_order_that_is_not_decided_is_answered_by_its_decision(waiting):
+    payload = signed_order(order(), "a1", KEY)
+    waiting.receive(payload, retained=False)
+    waiting.take()
+    waiting.send(acknowledgement(USER_1, IN_PROGRESS), 0.0, ())
+    waiting.answer()
+    waiting.receive(payload, retained=False)
+    assert {reply["result"] for reply in replies(waiting)} == {"IN_PROGRESS"}
+
+
+def test_another_order_with_a_nonce_given_before_is_refused(waiting):
+    waiting.receive(signed_order(order(), "a1", KEY), retained=False)
+    waiting.receive(signed_order(order(mission="exit"), "a1", KEY), retained=False)
+    assert [(reply["result"], reply["reason"]) for reply in replies(waiting)] == [
+        ("DENIED", "given before")
+    ]
+    assert len(waiting.take()) == 1
 
 
 def test_more_orders_than_a_cycle_takes_are_rejected_for_now(waiting):

@@ -13,6 +13,7 @@ import pytest
 
 from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.mission.state_machine import MissionState, Task
+from moar_companion.outlets import background_writer
 from moar_companion.service import snapshot_file
 from moar_companion.service.snapshot_file import SnapshotFile, decoded, encoded
 from moar_companion.types import Mission
@@ -147,6 +148,28 @@ def test_a_full_disk_is_reported_once_and_the_outdated_file_is_removed(
 
 def reasons(file):
     return [f"{fault.reason}, {fault.action}" for fault in file.faults]
+
+
+def test_a_last_write_that_takes_too_long_leaves_no_outdated_state(
+    file, tmp_path, monkeypatch, caplog
+):
+    file.save(FLYING, 0.0)
+    path = tmp_path / "state" / "mission.json"
+    while not path.exists():
+        time.sleep(0.001)
+    goes_on, fsync = threading.Event(), os.fsync
+
+    def slow(descriptor):
+        goes_on.wait(20)
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
+    file.save(IDLE, 0.0)
+    file.close()
+    assert not path.exists()
+    assert "the last state is not written" in caplog.text
+    goes_on.set()
 
 
 def test_a_state_that_cannot_be_written_is_a_fault_until_it_is_written_again(file, tmp_path):
