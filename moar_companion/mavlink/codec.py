@@ -14,9 +14,10 @@ import operator
 import re
 from collections.abc import Callable, Container
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from .dialect import Message, mavlink
+from .packet_count import BOOT_TIME_AT, PacketCount, SourceStatistics
 from .signing import SIGNATURE_BYTES, SIGNED_FLAG, LinkSigning, SigningRefusal
 
 _MARKERS = re.compile(b"[\xfd\xfe]")
@@ -25,10 +26,6 @@ _OVERHEAD_V1 = 8
 """Bytes of a MAVLink 1 frame around its payload: header 6, checksum 2."""
 _OVERHEAD_V2 = 12
 """Bytes of a MAVLink 2 frame around its payload: header 10, checksum 2."""
-
-_LATE_WINDOW = 80
-"""Packets by which a late one may be behind; more is a wrap at 256. Delays of 50 to 200 ms shift a
-packet by 0.15 s, in which PX4 sends 62 (412 a second)."""
 
 SECRETS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_AUTH_KEY), int(mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)}
@@ -67,53 +64,6 @@ def checksum(data: bytes | bytearray) -> int:
     return _BITS_REVERSED[mirrored >> 8] | _BITS_REVERSED[mirrored & 0xFF] << 8
 
 
-class SourceStatistics(NamedTuple):
-    """Packets of one source on one link, by the sequence numbers of their headers.
-
-    off_stream: received packets that belong to no stream that the companion reads.
-    """
-
-    received: int
-    lost: int
-    off_stream: int = 0
-
-
-class _Source:
-    """Sequence of one source: which of the last numbers were received."""
-
-    __slots__ = ("_last", "_seen", "lost", "off_stream", "received")
-
-    def __init__(self) -> None:
-        self.off_stream = 0
-        self.received = 0
-        self.lost = 0
-        self._last: int | None = None
-        self._seen = 0
-
-    def count(self, sequence: int) -> None:
-        """Counts a packet; packets missing before it count as lost until they arrive late."""
-        if self._last is None:
-            self._last = sequence
-            self._seen = (1 << _LATE_WINDOW) - 1
-            self.received = 1
-            return
-        ahead = (sequence - self._last) & 0xFF
-        behind = -ahead & 0xFF
-        if behind < _LATE_WINDOW:
-            bit = 1 << behind
-            if not self._seen & bit:
-                self._seen |= bit
-                self.received += 1
-                self.lost -= 1
-            return
-        self.received += 1
-        if sequence != 0 or ahead <= _LATE_WINDOW:
-            # A jump to 0 is a restart of the sender.
-            self.lost += ahead - 1
-        self._last = sequence
-        self._seen = (self._seen << ahead | 1) & ((1 << _LATE_WINDOW) - 1)
-
-
 class Codec:
     """Framing of one link: bytes in any portions to messages, messages to bytes.
 
@@ -141,7 +91,7 @@ class Codec:
         """True where one `receive` gets one datagram of whole packets. The first byte that starts
         no valid packet ends the datagram, so the cost is that of its packets."""
         self._buffer = bytearray()
-        self._sources: dict[tuple[int, int], _Source] = {}
+        self._sources: dict[tuple[int, int], PacketCount] = {}
         self.packets: list[bytes] = []
         """Packets that the last `receive` completed, wanted or not, for a record.
 
@@ -169,11 +119,7 @@ class Codec:
     def statistics(self, system_id: int, component_id: int) -> SourceStatistics:
         """Packet counts of one source on this link."""
         source = self._sources.get((system_id, component_id))
-        if source is None:
-            return SourceStatistics(received=0, lost=0)
-        return SourceStatistics(
-            received=source.received, lost=source.lost, off_stream=source.off_stream
-        )
+        return SourceStatistics(received=0, lost=0) if source is None else source.statistics
 
     @property
     def sources(self) -> list[tuple[int, int]]:
@@ -196,7 +142,8 @@ class Codec:
     def receive(self, data: bytes) -> list[Message]:
         """Returns the wanted messages that these bytes complete; never raises.
 
-        Bytes may be split anywhere. Noise, corrupted and truncated frames are skipped.
+        Bytes may be split anywhere. Noise, corrupted and truncated frames are skipped, and the
+        copies of packets that a loop of routers makes.
         `get_signed()` of a message is True if its packet was correctly signed.
         """
         buffer = self._buffer
@@ -241,8 +188,11 @@ class Codec:
         if message_class and not _is_sound(buffer, position, payload_end, message_class):
             return False
         packet = bytes(buffer[position : position + size])
-        refusal = None if self._signing is None else self._signing.refusal(packet)
         source = self._sources.get((system_id, component_id))
+        if source is not None and source.is_copy(packet):
+            self.sound_sources.add((system_id, component_id))
+            return True
+        refusal = None if self._signing is None else self._signing.refusal(packet)
         if message_class is None:
             # A frame of an unknown message can only be checked by its signature. Unsigned, the
             # frame counts if its source is known and a frame follows; noise would pass otherwise.
@@ -259,15 +209,16 @@ class Codec:
             return True
         if source is None:
             source = self._new_source(system_id, component_id)
-        source.count(sequence)
+        wanted = self._wanted is None or message_id in self._wanted
+        off_stream = message_class is not None and (message_id in _ANSWERS or not wanted)
+        boot_ms = _boot_ms(buffer, message_id, payload_start, payload_end)
+        source.count(packet, sequence, boot_ms=boot_ms, off_stream=off_stream)
         if message_class is not None or self._signing is not None:
             self.sound_sources.add((system_id, component_id))
         if message_class is None:
             self.unknown_messages += 1
             self.packets.append(packet)
             return True
-        wanted = self._wanted is None or message_id in self._wanted
-        source.off_stream += message_id in _ANSWERS or not wanted
         if message_id not in SECRETS:
             self.packets.append(packet)
         if wanted:
@@ -284,12 +235,12 @@ class Codec:
             self.unwanted.append(((system_id, component_id), message_id))
         return True
 
-    def _new_source(self, system_id: int, component_id: int) -> _Source:
+    def _new_source(self, system_id: int, component_id: int) -> PacketCount:
         """Starts to count a source; beyond the limit, drops the source with the fewest packets."""
         sources = self._sources
         if len(sources) >= _MOST_SOURCES:
             del sources[min(sources, key=lambda ids: sources[ids].received)]
-        sources[system_id, component_id] = source = _Source()
+        sources[system_id, component_id] = source = PacketCount()
         return source
 
 
@@ -332,6 +283,17 @@ def _header(buffer: bytes | bytearray, position: int) -> tuple[int, int, int, in
         return sequence, system_id, component_id, low | middle << 8 | high << 16, position + 10
     sequence, system_id, component_id, message_id = buffer[position + 2 : position + 6]
     return sequence, system_id, component_id, message_id, position + 6
+
+
+def _boot_ms(buffer: bytearray, message_id: int, start: int, end: int) -> int | None:
+    """Sender's clock in a payload from `start` to `end`; None for a message without it."""
+    at = BOOT_TIME_AT.get(message_id)
+    # MAVLink 2 cuts trailing zeros of a payload.
+    return (
+        None
+        if at is None
+        else int.from_bytes(buffer[start + at : min(start + at + 4, end)], "little")
+    )
 
 
 def _is_sound(

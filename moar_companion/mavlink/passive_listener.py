@@ -12,7 +12,7 @@ from ..link_config import LinkRole
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
 from . import telemetry_receiver, translate
-from .codec import Codec, SourceStatistics
+from .codec import Codec
 from .commands import (
     Command,
     CommandResult,
@@ -24,6 +24,7 @@ from .commands import (
 from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .modes import is_multirotor
+from .packet_count import SourceStatistics
 from .statustext import ReceivedText, ReceivedTexts
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_status import RADIO_IDS

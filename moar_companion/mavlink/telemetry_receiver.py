@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from ..link_config import LinkRole
 from ..telemetry import LinkStatistics, Telemetry
 from . import translate, translate_obstacles
-from .codec import SourceStatistics
 from .dialect import CURRENT_MODE_ID, Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted, Identity
+from .packet_count import SourceStatistics
 from .packet_order import PacketOrder
 from .source_clock import Reading, SourceClock
 from .translate_status import RADIO_IDS

@@ -23,6 +23,7 @@ from . import (
     translate_status,
 )
 from .dialect import CURRENT_MODE_ID, Message, mavlink
+from .packet_count import BOOT_TIME_AT
 
 _NO_AIRCRAFT = {
     int(mavlink.MAV_TYPE_ANTENNA_TRACKER),
@@ -42,14 +43,6 @@ _NO_AIRCRAFT = {
     int(mavlink.MAV_TYPE_GPS),
     int(mavlink.MAV_TYPE_WINCH),
 }
-_WITH_BOOT_TIME = frozenset(
-    {
-        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
-        mavlink.MAVLINK_MSG_ID_ATTITUDE,
-        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
-        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-    }
-)
 
 
 def update(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
@@ -81,7 +74,7 @@ def boot_time_s(message: Message) -> float | None:
     ArduPilot sends no other message with it.
     """
     message_id = message.get_msgId()
-    if message_id in _WITH_BOOT_TIME:
+    if message_id in BOOT_TIME_AT:
         return float(message.time_boot_ms) * 1e-3
     if message_id == mavlink.MAVLINK_MSG_ID_TIMESYNC and message.tc1 == 0:
         return float(message.ts1) * 1e-9

@@ -13,10 +13,10 @@ from dataclasses import replace
 from typing import Any
 
 from ..autopilots import ARDUPILOT, profile
-from ..mavlink.codec import SourceStatistics
 from ..mavlink.dataflash import Row
 from ..mavlink.identity import Autopilot, AutopilotFound
 from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, motor_count
+from ..mavlink.packet_count import SourceStatistics
 from ..mavlink.passive_listener import Input, ListenerEvent, TextReceived, type_in_words
 from ..mavlink.statustext import ReceivedText
 from ..mavlink.translate_motion import with_wind

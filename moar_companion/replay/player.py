@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
-from ..mavlink.codec import SourceStatistics
+from ..mavlink.packet_count import SourceStatistics
 from ..mavlink.passive_listener import Input, ListenerEvent
 from ..outlets.replay_report import Replay, ReplayMeasure, ReplaySample
 from ..power import PowerModel

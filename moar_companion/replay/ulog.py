@@ -9,9 +9,9 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterator, Sequence
 
-from ..mavlink.codec import SourceStatistics
 from ..mavlink.identity import Autopilot, AutopilotFound
 from ..mavlink.modes import is_multirotor
+from ..mavlink.packet_count import SourceStatistics
 from ..mavlink.passive_listener import Input, ListenerEvent, TextReceived, type_in_words
 from ..mavlink.statustext import ReceivedText
 from ..telemetry import Telemetry

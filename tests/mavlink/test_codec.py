@@ -153,12 +153,12 @@ def test_only_wanted_messages_are_built_and_all_are_counted(autopilot):
 
 
 def test_parameters_and_texts_belong_to_no_stream(autopilot):
-    codec, peer = new_codec(), mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    codec = new_codec()
     for message in (
         mavlink.MAVLink_param_value_message(b"MPC_XY_P", 0.95, 9, 2, 0),
         mavlink.MAVLink_statustext_message(6, b"ready"),
     ):
-        codec.receive(message.pack(peer))
+        codec.receive(autopilot.pack(message))
     codec.receive(autopilot.attitude(1.0))
     assert codec.statistics(1, 1).off_stream == 2
 

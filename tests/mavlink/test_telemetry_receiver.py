@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.link_config import LinkRole
-from moar_companion.mavlink.codec import Codec, SourceStatistics
+from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.identity import AutopilotFound, AutopilotRestarted
+from moar_companion.mavlink.packet_count import SourceStatistics
 from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS, TelemetryReceiver
 
 from .peer import Peer
