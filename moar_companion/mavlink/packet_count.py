@@ -38,6 +38,7 @@ _RECENT = 128
 """Latest packets by which byte-identical copies are recognised. Less than a round: packets without
 a time, as HEARTBEAT, repeat byte by byte after it."""
 _MOST_WAITING = 128
+"""Packets that wait for one with a time; then the sender no longer reports it."""
 _RATE_S = 1.0
 """Duration over which the packet rate is measured, by the sender's clock."""
 _BACK_S = 1.0
@@ -140,12 +141,15 @@ class PacketCount:
             if sequence == 0 and _LATE < ahead < _ROUND - _LATE:
                 self._restart(sequence)
             self._take(self._placed(sequence), off_stream)
-        elif 0 < ahead <= _NEXT:
+        elif 0 < ahead <= _NEXT and not self._foreign:
             self._take(self._newest + ahead, off_stream)
-        else:
+        elif len(self._waiting) < _MOST_WAITING:
             self._waiting.append((sequence, off_stream))
-            if len(self._waiting) >= _MOST_WAITING:
-                self._take_waiting(self._newest)
+        else:
+            self._clock = None
+            waiting, self._waiting = self._waiting, []
+            for item in (*waiting, (sequence, off_stream)):
+                self._count_untimed(*item)
 
     def _count_timed(self, sequence: int, boot_ms: int, off_stream: bool) -> None:
         clock = self._clock
@@ -153,7 +157,6 @@ class PacketCount:
         if not -_BACK_S <= passed_s <= _PAUSE_S:
             self._foreign += 1
             if self._foreign < _RESTARTED:
-                self._waiting.append((sequence, off_stream))
                 return
             self._restart(sequence)
             clock = None
@@ -178,12 +181,13 @@ class PacketCount:
     def _restart(self, sequence: int) -> None:
         """Places the next packet after the newest one, whatever its number; counts no loss.
 
-        Waiting packets count as received.
+        Packets without a place count as received.
         """
         skipped = (sequence - self._newest - 1) % _ROUND
+        placeless = len(self._waiting) + max(0, self._foreign - 1)
         self._newest += skipped
-        self._base += skipped - len(self._waiting)
-        self.received += len(self._waiting)
+        self._base += skipped - placeless
+        self.received += placeless
         self.off_stream += sum(off_stream for _, off_stream in self._waiting)
         self._waiting.clear()
         self._seen = _ALL_SEEN
