@@ -9,6 +9,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from .radio import RadioKind
 from .yaml_file import FileFinding
 from .yaml_schema import file_key
 
@@ -75,10 +76,18 @@ class RiskModel:
     tracking_error_m: Range = field(default_factory=lambda: Range(low=1.0, high=2.0))
     """Distance from the setpoint: in calm air PX4 deviates by up to 0.98 m with the noise of its
     simulated receiver; at 2 m the path is left (`guidance.off_path_m`)."""
+    radio: RadioKind | None = None
+    """Kind of the telemetry radio: the meaning of its RADIO_STATUS. None: recognised by its
+    messages, as far as these differ."""
     radio_margin: Range = field(default_factory=lambda: Range(low=60.0, high=10.0))
     """RSSI above noise in SiK units (about half a decibel). In recorded flights almost no packet
     was broken above 60. Between 10 and 30 one broke every two seconds; below 10 no packet
     arrived."""
+    radio_quality: Annotated[Range, _Fraction] = field(
+        default_factory=lambda: Range(low=0.9, high=0.5)
+    )
+    """Packets received by the radio, of those sent (ExpressLRS, mLRS). One lost in ten is repeated
+    in time; of commands sent 3 times with a loss of 0.5, one in 8 never arrives."""
     receive_errors_hz: Range = field(default_factory=lambda: Range(low=0.4, high=2.0))
     """Broken packets a second at the local radio, over 3 s: one is chance. In those flights 0.004
     above a margin of 60, and up to 5 at the edge of reception."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
+from .radio import Radio, RadioChannels, RadioLink
 from .types import AutopilotKind, GeodeticPoint, Vector
 
 
@@ -210,19 +211,6 @@ class Wind:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Radio:
-    """RADIO_STATUS of a telemetry radio, in the radio's own units."""
-
-    received_s: float
-    rssi: int | None
-    remote_rssi: int | None
-    noise: int | None
-    remote_noise: int | None
-    receive_errors: int
-    transmit_buffer_percent: int | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RemoteControl:
     """RC_CHANNELS: signal strength of the pilot's transmitter, fraction in [0, 1].
 
@@ -380,6 +368,8 @@ class Telemetry:
     magnetic_field: MagneticField | None = None
     wind: Wind | None = None
     radio: Radio | None = None
+    radio_link: RadioLink | None = None
+    radio_channels: RadioChannels | None = None
     remote_control: RemoteControl | None = None
     motors: MotorOutputs | None = None
     motor_speeds: MotorSpeeds | None = None

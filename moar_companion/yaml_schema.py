@@ -140,11 +140,17 @@ def file_key(name: str) -> str:
 
 
 def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """A type and the limits that `Annotated` puts on it; of a record or None, the record."""
+    """A type and the limits that `Annotated` puts on it; of a class of ours or None, the class."""
     if typing.get_origin(hint) is Annotated:
         return hint.__origin__, hint.__metadata__
-    records = [item for item in typing.get_args(hint) if dataclasses.is_dataclass(item)]
-    return (records[0] if records else hint), ()
+    ours = [
+        item for item in typing.get_args(hint) if dataclasses.is_dataclass(item) or _is_enum(item)
+    ]
+    return (ours[0] if ours else hint), ()
+
+
+def _is_enum(item: Any) -> bool:
+    return isinstance(item, type) and issubclass(item, enum.Enum)
 
 
 def _file_type(hint: Any) -> Any:
@@ -154,7 +160,7 @@ def _file_type(hint: Any) -> Any:
         count = len(dataclasses.fields(bare))
         numbers: Any = _limited(float, limits)
         return Annotated[list[numbers], Field(min_length=count, max_length=count)]
-    if isinstance(bare, type) and issubclass(bare, enum.Enum):
+    if _is_enum(bare):
         limits = (*limits, Strict(strict=False))
     return _limited(bare, limits)
 

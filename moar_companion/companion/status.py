@@ -21,7 +21,7 @@ named otherwise; None (null): unknown, or not present now.
                  before it, as text); path: its waypoints at start, corners and end; paths, replans:
                  counts
     link         packets_received, packets_lost, packets_late, rate_hz
-    radio        rssi, remote_rssi, noise, remote_noise, transmit_buffer_percent, age_s
+    radio        kind, rssi, remote_rssi, noise, remote_noise, transmit_buffer_percent, age_s
     age_s        by source of telemetry
     perception   scan_age_s, returns (share of beams), refused, late: of the sensor; conductors:
                  name, x_m, z_m, deviation_m, age_s; solids: their number; null without a sensor
@@ -309,6 +309,7 @@ def _radio(telemetry: Telemetry, now_s: float) -> dict[str, Any] | None:
     if radio is None:
         return None
     return {
+        "kind": radio.kind.value,
         "rssi": radio.rssi,
         "remote_rssi": radio.remote_rssi,
         "noise": radio.noise,

@@ -19,6 +19,7 @@ from typing import Any
 from .dialect import Message, mavlink
 from .packet_count import BOOT_TIME_AT, PacketCount, SourceStatistics
 from .signing import SIGNATURE_BYTES, SIGNED_FLAG, LinkSigning, SigningRefusal
+from .translate_radio import RADIO_IDS
 
 _MARKERS = re.compile(b"[\xfd\xfe]")
 _MARKER_V2 = 0xFD
@@ -31,12 +32,6 @@ SECRETS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_AUTH_KEY), int(mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)}
 )
 """Messages that carry a key: never recorded."""
-
-_RADIO_WORDS = frozenset(
-    {int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)}
-)
-"""Status messages that a telemetry radio inserts unsigned. They are refused as all unsigned packets
-are, but not counted: a healthy link carries one each second."""
 
 _ANSWERS = frozenset(
     {
@@ -203,8 +198,9 @@ class Codec:
             elif refusal in {SigningRefusal.UNSIGNED, SigningRefusal.WRONG}:
                 return False
         if refusal is not None:
+            # A radio inserts its messages unsigned: a healthy link carries one each second.
             self.refused[refusal] += refusal is not SigningRefusal.UNSIGNED or (
-                message_id not in _RADIO_WORDS
+                message_id not in RADIO_IDS
             )
             return True
         if source is None:

@@ -27,7 +27,7 @@ from .modes import is_multirotor
 from .packet_count import SourceStatistics
 from .statustext import ReceivedText, ReceivedTexts
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
-from .translate_status import RADIO_IDS
+from .translate_radio import RADIO_IDS
 
 _LINK = "recording"
 _ORDERS = frozenset({int(mavlink.MAV_CMD_USER_1), int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE)})

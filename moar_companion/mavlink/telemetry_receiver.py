@@ -15,7 +15,7 @@ from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRes
 from .packet_count import SourceStatistics
 from .packet_order import PacketOrder
 from .source_clock import Reading, SourceClock
-from .translate_status import RADIO_IDS
+from .translate_radio import RADIO_IDS
 
 MESSAGE_IDS = translate.MESSAGE_IDS | {
     int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME),
@@ -94,7 +94,7 @@ class TelemetryReceiver:
             if event is None and before and before.ours and after and not after.ours:
                 event = ModeLeft(mode=after.mode)
         elif message_id in RADIO_IDS:
-            # A telemetry radio has its own ids: system 51, component 68.
+            # A telemetry radio has ids of its own, as system 51, component 68.
             self.telemetry = translate.update(self.telemetry, message, now_s)
         elif (
             message_id in _OBSTACLES
@@ -173,6 +173,8 @@ class TelemetryReceiver:
         self.telemetry = Telemetry(
             autopilot=before.autopilot,
             radio=before.radio,
+            radio_link=before.radio_link,
+            radio_channels=before.radio_channels,
             ground_station=before.ground_station,
             link=before.link,
         )

@@ -1,9 +1,10 @@
 """Translation of MAVLink messages to `Telemetry`. Pure.
 
 Each message has one function, in `translate_motion`, `translate_motors`, `translate_obstacles`,
-`translate_status`, or the heartbeat's here. These alone turn MAVLink's many values for "unknown"
-into `None`. The opposite direction is `translate_outgoing`. Sources: the message definitions, and
-where they are ambiguous recordings of PX4 v1.17/v1.18 and ArduCopter 4.6.3.
+`translate_radio`, `translate_status`, or the heartbeat's here. These alone turn MAVLink's many
+values for "unknown" into `None`. The opposite direction is `translate_outgoing`. Sources: the
+message definitions, and where they are ambiguous recordings of PX4 v1.17/v1.18 and ArduCopter
+4.6.3.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from . import (
     translate_motion,
     translate_motors,
     translate_obstacles,
+    translate_radio,
     translate_status,
 )
 from .dialect import CURRENT_MODE_ID, Message, mavlink
@@ -49,7 +51,7 @@ def update(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     """Telemetry updated by this message; unchanged by messages without a translator.
 
     Ids are not checked: the caller passes messages of the autopilot, heartbeats of ground stations,
-    RADIO_STATUS, and the obstacles of sensors on board. Never raises on a decoded message.
+    radios, and the obstacles of sensors on board. Never raises on a decoded message.
     """
     translator = _TRANSLATORS.get(message.get_msgId())
     return telemetry if translator is None else translator(telemetry, message, now_s)
@@ -154,6 +156,7 @@ _TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     **translate_motion.TRANSLATORS,
     **translate_motors.TRANSLATORS,
     **translate_obstacles.TRANSLATORS,
+    **translate_radio.TRANSLATORS,
     **translate_status.TRANSLATORS,
 }
 

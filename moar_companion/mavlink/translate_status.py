@@ -1,4 +1,4 @@
-"""Health of the aircraft: batteries, receivers, estimator, radios to `Telemetry`. Pure.
+"""Health of the aircraft: batteries, receivers, estimator, links to `Telemetry`. Pure.
 
 Part of `translate`, which names the sources.
 """
@@ -17,16 +17,12 @@ from ..telemetry import (
     Gnss,
     LinkNode,
     MagneticField,
-    Radio,
     Readiness,
     RemoteControl,
     Telemetry,
 )
 from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .translate_motors import motor_parameter
-
-RADIO_IDS = frozenset({int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)})
-"""RADIO_STATUS, and RADIO, which radios sent with the same content before 2014."""
 
 _UNKNOWN_DOP = 9999
 """Least value of 100 DOP that means unknown: ArduPilot 9999, PX4 10000, the definition 65535."""
@@ -296,48 +292,6 @@ def horizontal_position_ok(flags: int, glitch: int) -> bool:
     return bool(flags & _HORIZONTAL_POSITION) and not flags & glitch
 
 
-def _radio_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    return with_radio(
-        telemetry,
-        now_s,
-        here=(message.rssi, message.noise),
-        there=(message.remrssi, message.remnoise),
-        receive_errors=message.rxerrors,
-        free_percent=message.txbuf,
-    )
-
-
-def with_radio(
-    telemetry: Telemetry,
-    now_s: float,
-    *,
-    here: tuple[int, int],
-    there: tuple[int, int],
-    receive_errors: int,
-    free_percent: int,
-) -> Telemetry:
-    """Telemetry with a radio's status. here, there: signal and noise in the radio's units."""
-    known = telemetry.radio is not None and telemetry.radio.remote_rssi is not None
-    # A radio reports 0 and 0 for its peer if it has lost the peer or never had one.
-    remote = known or max(there) > 0
-    return replace(
-        telemetry,
-        radio=Radio(
-            received_s=now_s,
-            rssi=_signal(here[0]),
-            remote_rssi=_signal(there[0]) if remote else None,
-            noise=_signal(here[1]),
-            remote_noise=_signal(there[1]) if remote else None,
-            receive_errors=receive_errors,
-            transmit_buffer_percent=free_percent if free_percent <= 100 else None,
-        ),
-    )
-
-
-def _signal(value: int) -> int | None:
-    return None if value == _UNKNOWN_U8 else value
-
-
 def _link_node_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     node = LinkNode(
         received_s=now_s,
@@ -373,7 +327,6 @@ TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: _ekf_status_report,
     mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: _highres_imu,
     mavlink.MAVLINK_MSG_ID_RAW_IMU: _raw_imu,
-    **dict.fromkeys(RADIO_IDS, _radio_status),
     LINK_NODE_STATUS_ID: _link_node_status,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
 }

@@ -311,7 +311,7 @@ def _radio(radio: Status | None) -> str:
     if radio is None:
         return "no data"
     return (
-        f"{_number(radio['rssi'], 0)} over {_number(radio['noise'], 0)} here, "
+        f"{radio['kind']}: {_number(radio['rssi'], 0)} over {_number(radio['noise'], 0)} here, "
         f"{_number(radio['remote_rssi'], 0)} over {_number(radio['remote_noise'], 0)} there"
     )
 

@@ -235,6 +235,7 @@ STATUS: dict[str, Shape] = {
     "link": {"packets_received": _I, "packets_lost": _I, "packets_late": _I, "rate_hz": _N},
     "refused": {},
     "radio": {
+        "kind": _S,
         "rssi": _N,
         "remote_rssi": _N,
         "noise": _N,

@@ -21,7 +21,8 @@ from ..mavlink.passive_listener import Input, ListenerEvent, TextReceived, type_
 from ..mavlink.statustext import ReceivedText
 from ..mavlink.translate_motion import with_wind
 from ..mavlink.translate_motors import motor_outputs
-from ..mavlink.translate_status import horizontal_position_ok, innovation, with_radio
+from ..mavlink.translate_radio import with_radio
+from ..mavlink.translate_status import horizontal_position_ok, innovation
 from ..telemetry import (
     Attitude,
     AutopilotStatus,
@@ -300,6 +301,7 @@ class DataflashListener:
             here=(fields["RSSI"], fields["Noise"]),
             there=(fields["RemRSSI"], fields["RemNoise"]),
             receive_errors=fields["RxErrors"],
+            corrected=fields["Fixed"],
             free_percent=fields["TxBuf"],
         )
 

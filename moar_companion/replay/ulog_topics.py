@@ -16,11 +16,11 @@ from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, moto
 from ..mavlink.statustext import ReceivedText
 from ..mavlink.translate_motion import with_wind
 from ..mavlink.translate_motors import motor_outputs
+from ..mavlink.translate_radio import with_radio
 from ..mavlink.translate_status import (
     ESTIMATOR_GPS_GLITCH,
     horizontal_position_ok,
     innovation,
-    with_radio,
 )
 from ..telemetry import (
     Attitude,
@@ -281,6 +281,7 @@ def _radio(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
         here=(sample.whole("rssi"), sample.whole("noise")),
         there=(sample.whole("remote_rssi"), sample.whole("remote_noise")),
         receive_errors=sample.whole("rxerrors"),
+        corrected=sample.whole("fix"),
         free_percent=sample.whole("txbuf"),
     )
 

@@ -1,10 +1,10 @@
 """Communication risk CR (paper, Section IV-C (b)): the links from the ground to the aircraft.
 
-Inputs from the ground: the telemetry radio's margin at both ends, its broken packets and its
-transmit buffer; the pilot's transmitter; the age of the ground station's last heartbeat. Inputs of
-the companion's own link to the autopilot: packets lost both ways, its data rate and its silence. A
-good link to the autopilot does not prove a link to the ground. Without any other input the number
-of known links to the ground is 0, and decides.
+Inputs from the ground: the telemetry radio's margin and link quality at both ends, as far as its
+kind reports them, its broken packets and its transmit buffer; the pilot's transmitter; the age of
+the ground station's last heartbeat. Inputs of the companion's own link to the autopilot: packets
+lost both ways, its data rate and its silence. A good link to the autopilot does not prove a link to
+the ground. Without any other input the number of known links to the ground is 0, and decides.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
+from ..radio import Radio, RadioKind, Signal, link_signal, signal
 from ..risk_model import RiskModel
-from ..telemetry import LandedState, LinkNode, LinkStatistics, Radio, Telemetry
+from ..telemetry import LandedState, LinkNode, LinkStatistics, Telemetry
 from .input_reports import YES_OR_NO, InputReport, certain, source_of
 
 _RADIO_MAX_AGE_S = 3.0
 """Maximum age of RADIO_STATUS: 3 periods at about 1 Hz."""
+_UNITS_UNKNOWN = "this radio's units are not known, see risk.radio"
 _REMOTE_CONTROL_MAX_AGE_S = 3.0
 """Maximum age of RC_CHANNELS (5 Hz) and SYS_STATUS (2 Hz): 3 periods at 1 Hz of a slow link."""
 _LINK_MAX_AGE_S = 3.0
@@ -69,7 +71,9 @@ def remember(
 
     A window ends at its source's latest message, so that without a new one it stays the same.
     """
-    here = _window(memory.here, telemetry.link, lambda link: link.packets_received)
+    here = _window(
+        memory.here, telemetry.link, lambda link: (link.packets_received, _streamed(link))
+    )
     usual_rate_hz, usual_since_s = memory.usual_rate_hz, memory.usual_since_s
     rate_hz = _rate_hz(here, here[-1]) if here and here is not memory.here else None
     if rate_hz is not None:
@@ -84,8 +88,8 @@ def remember(
             usual_rate_hz += _SAMPLE_S / span_s * (rate_hz - usual_rate_hz)
     return CommunicationMemory(
         here=here,
-        there=_window(memory.there, telemetry.link_node, lambda node: node.packets_received),
-        radio=_window(memory.radio, telemetry.radio, lambda radio: radio.receive_errors),
+        there=_window(memory.there, telemetry.link_node, lambda node: (node.packets_received,)),
+        radio=_window(memory.radio, telemetry.radio, lambda radio: (radio.receive_errors,)),
         usual_rate_hz=usual_rate_hz,
         usual_since_s=usual_since_s,
     )
@@ -106,7 +110,7 @@ def inputs(
     )
     # Signals and heartbeats count: a free buffer or continuing channels prove no link to an
     # operator.
-    to_ground = (radio[:2], remote[:2], (ground,))
+    to_ground = (radio[:4], remote[:2], (ground,))
     known_to_ground = source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
         "known links to the ground",
         sum(any(report.known for report in reports) for reports in to_ground),
@@ -125,26 +129,50 @@ def inputs(
 def _radio_inputs(
     telemetry: Telemetry, now_s: float, model: RiskModel, memory: CommunicationMemory
 ) -> tuple[InputReport, ...]:
-    radio = telemetry.radio
-    source = source_of(radio, now_s, _RADIO_MAX_AGE_S)
+    radio, link = telemetry.radio, telemetry.radio_link
+    source = of_signal = source_of(radio, now_s, _RADIO_MAX_AGE_S)
+    kind, reported = model.radio, Signal()
+    if radio is not None:
+        kind = kind or radio.kind
+        reported = signal(radio, kind)
+    errors_hz = None if reported.receive_errors is None else _errors_hz(memory.radio, radio)
+    if link is not None:
+        of_signal, kind = source_of(link, now_s, _RADIO_MAX_AGE_S), RadioKind.MLRS
+        reported = link_signal(link)
+    margins = kind is not RadioKind.ELRS
+    remark = _UNITS_UNKNOWN if kind is RadioKind.UNKNOWN else ""
     return (
-        source.input_report(
+        of_signal.input_report(
             "radio margin here",
-            None if radio is None else _margin(radio.rssi, radio.noise),
+            reported.margin,
             "",
             model.radio_margin.fraction,
+            applies=margins,
+            remark=remark,
         ),
-        source.input_report(
+        of_signal.input_report(
             "radio margin there",
-            None if radio is None else _margin(radio.remote_rssi, radio.remote_noise),
+            reported.remote_margin,
             "",
             model.radio_margin.fraction,
+            applies=margins,
+            remark=remark,
+        ),
+        *(
+            of_signal.input_report(
+                f"radio link quality {end}",
+                quality,
+                "of its packets",
+                model.radio_quality.fraction,
+                applies=quality is not None,
+            )
+            for end, quality in (
+                ("here", reported.quality),
+                ("there", reported.remote_quality),
+            )
         ),
         source.input_report(
-            "radio receive errors",
-            _errors_hz(memory.radio, radio),
-            "/s",
-            model.receive_errors_hz.fraction,
+            "radio receive errors", errors_hz, "/s", model.receive_errors_hz.fraction
         ),
         source.input_report(
             "radio transmit buffer",
@@ -159,6 +187,7 @@ def _remote_control_inputs(
     telemetry: Telemetry, now_s: float, model: RiskModel
 ) -> tuple[InputReport, ...]:
     remote, readiness, link = telemetry.remote_control, telemetry.readiness, telemetry.link
+    channels = telemetry.radio_channels
     ok = None if readiness is None else readiness.remote_control_ok
     silence_s = None
     if remote is not None and link is not None:
@@ -176,6 +205,13 @@ def _remote_control_inputs(
         ),
         source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
             "remote control silence", silence_s, "s", model.remote_control_age_s.fraction
+        ),
+        source_of(channels, now_s, _REMOTE_CONTROL_MAX_AGE_S).input_report(
+            "remote control failsafe",
+            None if channels is None else float(channels.failsafe),
+            YES_OR_NO,
+            certain,
+            applies=channels is not None,
         ),
     )
 
@@ -208,20 +244,17 @@ def _link_inputs(
     )
 
 
-def _margin(rssi: int | None, noise: int | None) -> float | None:
-    return None if rssi is None or noise is None else float(rssi - noise)
-
-
 def _window(
     window: tuple[_Source, ...],
     latest: _Source | None,
-    count_of: Callable[[_Source], int],
+    counts_of: Callable[[_Source], tuple[int, ...]],
 ) -> tuple[_Source, ...]:
     """Window with the latest counts, or the same window if there is none to add."""
     if latest is None:
         return window
     if window:
-        if count_of(latest) < count_of(window[-1]):
+        counts = zip(counts_of(latest), counts_of(window[-1]), strict=True)
+        if any(now < before for now, before in counts):
             return (latest,)
         if latest.received_s - window[-1].received_s < _SAMPLE_S:
             return window

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from moar_companion.config import CompanionConfig, RecorderSettings, Replanning, Supervision
+from moar_companion.radio import RadioKind
 from moar_companion.risk_model import Range, RiskModel
 from moar_companion.site import Site
 from moar_companion.vehicle import Guidance, Power, Vehicle
@@ -92,7 +93,9 @@ VEHICLE: dict[str, Any] = {
     "power": section(Power()),
     "risk": section(
         RiskModel(
-            motor_pulse_us=Range(low=1000.0, high=2000.0), motor_rpm=Range(low=0.0, high=8000.0)
+            motor_pulse_us=Range(low=1000.0, high=2000.0),
+            motor_rpm=Range(low=0.0, high=8000.0),
+            radio=RadioKind.ELRS,
         )
     ),
 }

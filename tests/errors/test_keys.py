@@ -120,6 +120,7 @@ OUTSIDE = {
                 "unknown",
                 "motor_fraction",
                 "rc_rssi",
+                "radio_quality",
                 "packet_loss",
                 "data_rate",
                 "receiver_lost",

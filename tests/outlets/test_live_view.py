@@ -233,6 +233,7 @@ def test_beside_the_rest_no_name_of_an_input_is_cut(width, height):
 
 def test_a_radio_is_shown_with_its_unknowns():
     radio = {
+        "kind": "sik",
         "rssi": 180,
         "remote_rssi": None,
         "noise": 40,
@@ -241,7 +242,7 @@ def test_a_radio_is_shown_with_its_unknowns():
         "age_s": 0.3,
     }
     text = page(FLYING | {"radio": radio})
-    assert "180 over 40 here, unknown over 35 there" in text
+    assert "sik: 180 over 40 here, unknown over 35 there" in text
 
 
 def test_names_cannot_move_the_terminals_cursor():

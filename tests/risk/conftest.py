@@ -11,6 +11,7 @@ import pytest
 
 from moar_companion import autopilots
 from moar_companion.power import Demands, PowerModel
+from moar_companion.radio import Radio
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
 from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import (
@@ -26,7 +27,6 @@ from moar_companion.telemetry import (
     LocalPosition,
     MotorOutputs,
     PeerHeartbeat,
-    Radio,
     RemoteControl,
     Telemetry,
     Wind,

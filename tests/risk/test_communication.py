@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion.radio import Radio
 from moar_companion.risk import communication
 from moar_companion.risk.communication import CommunicationMemory
 from moar_companion.risk_model import RiskModel
@@ -14,7 +15,6 @@ from moar_companion.telemetry import (
     LinkNode,
     LinkStatistics,
     PeerHeartbeat,
-    Radio,
     Readiness,
     RemoteControl,
     Telemetry,

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from moar_companion import autopilots
 from moar_companion.power import Demands
+from moar_companion.radio import Radio
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import (
@@ -28,7 +29,6 @@ from moar_companion.telemetry import (
     MotorSpeeds,
     Odometry,
     PeerHeartbeat,
-    Radio,
     RemoteControl,
     Telemetry,
     Wind,
