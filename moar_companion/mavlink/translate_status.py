@@ -82,6 +82,8 @@ def _battery_status(telemetry: Telemetry, message: Message, now_s: float) -> Tel
         charge_state=message.charge_state or None,
         cells=len(entries_mv) if reports_cells else None,
     )
+    if message.id not in telemetry.batteries and _is_not_connected(telemetry, battery):
+        return telemetry
     batteries = {**telemetry.batteries, message.id: battery}
     zero = batteries.get(0)
     # A charge state comes only from battery 0's own message.
@@ -89,6 +91,15 @@ def _battery_status(telemetry: Telemetry, message: Message, now_s: float) -> Tel
     if only_summed_up and _summary_is_of_any(telemetry, batteries):
         del batteries[0]
     return replace(telemetry, batteries=batteries)
+
+
+def _is_not_connected(telemetry: Telemetry, battery: Battery) -> bool:
+    """Returns True for a battery that PX4 reports and that is not connected: a voltage at most.
+
+    PX4 estimates the charge of each one that is. ArduPilot reports some by their voltage alone.
+    """
+    reported = (battery.remaining, battery.current_a, battery.charge_state)
+    return reported == (None, None, None) and not profile_of(telemetry).summary_is_battery_0
 
 
 def _sys_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:

@@ -19,6 +19,8 @@ _MAX_AGE_S = 3.0
 _FROZEN_S = 1.5
 """Time without a new measurement after which a receiver counts as stopped. A receiver measures at
 least once a second; ArduPilot repeats the data of a failed one for 4 s."""
+_NO_RECEIVER = 0
+"""GPS_FIX_TYPE_NO_GPS: ArduPilot reports it of a first receiver that does not exist, too."""
 _FIX_3D = 3
 """GPS_FIX_TYPE_3D_FIX; better fixes have greater numbers."""
 _FIXES = {0: "no receiver", 1: "no fix", 2: "2D"}
@@ -40,12 +42,14 @@ class ReceiverMemory:
     """Memory of one receiver.
 
     receiver_s, since_s: its clock, and the first reception of that reading. known: its latest
-    report, completed by earlier values; without a fix no more accurate than before.
+    report, completed by earlier values; without a fix no more accurate than before. seen: True
+    once a receiver was there.
     """
 
     receiver_s: float | None = None
     since_s: float = 0.0
     known: Gnss | None = None
+    seen: bool = False
 
     def read(self, gnss: Gnss | None) -> ReceiverMemory:
         """Memory updated by the receiver's latest report."""
@@ -61,6 +65,7 @@ class ReceiverMemory:
             receiver_s=gnss.receiver_s,
             since_s=gnss.received_s if moved else self.since_s,
             known=replace(gnss, **kept) if kept else gnss,
+            seen=self.seen or gnss.fix_type > _NO_RECEIVER,
         )
 
     def _counting(self, gnss: Gnss, name: str) -> float | None:
@@ -116,9 +121,10 @@ def receiver_inputs(
 
 
 def _receivers(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
-    """Present receivers, in the autopilot's order."""
-    receivers = zip((telemetry.gnss, telemetry.second_gnss), memories, strict=True)
-    return [(gnss, memory) for gnss, memory in receivers if gnss is not None]
+    """Receivers that were ever there, in the autopilot's order; all that report if none was."""
+    both = zip((telemetry.gnss, telemetry.second_gnss), memories, strict=True)
+    receivers = [(gnss, memory) for gnss, memory in both if gnss is not None]
+    return [item for item in receivers if item[1].seen] or receivers
 
 
 def _candidates(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
