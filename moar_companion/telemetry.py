@@ -245,10 +245,11 @@ class MotorSpeeds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PeerHeartbeat:
-    """Time of the last HEARTBEAT of a peer."""
+    """Time of the last HEARTBEAT of a peer. since_s: since then without a gap; None: unknown."""
 
     received_s: float
     system_id: int
+    since_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -377,6 +378,11 @@ class Telemetry:
     motor_max_us: float | None = None
     """The range of the motor outputs, where parameters report it."""
     ground_station: PeerHeartbeat | None = None
+    """The operator's, once one is known, else the one received last."""
+    ground_stations: dict[int, PeerHeartbeat] = field(default_factory=dict)
+    """All, by system id; never changed in place."""
+    operator_id: int | None = None
+    """System id of the ground station from which the last order came."""
     link: LinkStatistics | None = None
     link_node: LinkNode | None = None
     firmware: Firmware | None = None

@@ -260,8 +260,8 @@ class MissionExecutor:
         engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
         telemetry = self._session.telemetry
         known = self.status.known if self.status.order_id is not None else ()
-        station = telemetry.ground_station
-        self._safety_monitor.report(station, now_s, streaming=engaged, known=known)
+        stations = telemetry.ground_stations.values()
+        self._safety_monitor.report(stations, now_s, streaming=engaged, known=known)
         at_end = self.routes.arrived(self._pose_tracker.pose, now_s)
         self.mode_requester.act(self.status, telemetry, at_end=at_end, now_s=now_s)
 

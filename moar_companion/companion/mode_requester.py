@@ -146,14 +146,14 @@ class ModeRequester:
             self._ask_for_landing(now_s)
         if self._may_take(status, autopilot, now_s):
             self._requests, self._requested_s = self._requests + 1, now_s
-            self._session.request_own_mode()
+            self._session.request_own_mode(now_s)
 
     def _ask_for_landing(self, now_s: float) -> None:
         """Requests LAND, again where the link may have lost it; at last warns the operator."""
         if self._landings_sent and now_s - self._landing_sent_s < _LAND_AGAIN_S:
             return
         if self._landings_sent < _MOST_LANDINGS:
-            self._landing_asked_s = now_s if self._session.request_land() else None
+            self._landing_asked_s = now_s if self._session.request_land(now_s) else None
             return
         self._landing_due = False
         self._reports.send_text(Severity.WARNING, pilot_texts.NO_LANDING(), now_s)

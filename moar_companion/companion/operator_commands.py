@@ -135,7 +135,7 @@ class OperatorCommands:
         command = self._session.commands.open(order_id)
         if command is None:
             return
-        self._session.answer(command, _RESULTS[verdict])
+        self._session.answer(command, _RESULTS[verdict], now_s)
         self._reports.record("answer", now_s, verdict=verdict.value, reason=reason)
         if reason:
             self.report_reason(command, verdict, reason, now_s)
@@ -150,7 +150,7 @@ class OperatorCommands:
     def report_progress(self, now_s: float) -> None:
         """Answers IN_PROGRESS once to each order that has waited for long."""
         for command in self._session.commands.without_answer(now_s):
-            self._session.answer(command, CommandResult.IN_PROGRESS)
+            self._session.answer(command, CommandResult.IN_PROGRESS, now_s)
 
 
 def words(order: Task | Order | Refused) -> str:

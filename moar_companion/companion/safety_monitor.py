@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 from ..config import Supervision
 from ..mavlink.session import Severity
@@ -28,9 +28,9 @@ class _Audience:
         self._received_s: dict[int, float] = {}
         self._due_s = math.inf
 
-    def has_grown(self, received: PeerHeartbeat | None, now_s: float) -> bool:
+    def has_grown(self, stations: Iterable[PeerHeartbeat], now_s: float) -> bool:
         """True once for each new ground station, when it is ready for texts."""
-        if received is not None:
+        for received in stations:
             before_s = self._received_s.get(received.system_id, -math.inf)
             self._received_s[received.system_id] = received.received_s
             if received.received_s - before_s > self._lost_s:
@@ -78,7 +78,7 @@ class SafetyMonitor:
 
     def report(
         self,
-        station: PeerHeartbeat | None,
+        stations: Iterable[PeerHeartbeat],
         now_s: float,
         *,
         streaming: bool,
@@ -90,7 +90,7 @@ class SafetyMonitor:
         receives all of them. known: conditions that do not count against the order with the awaited
         plan, because its operator had received them.
         """
-        missed = self._audience.has_grown(station, now_s)
+        missed = self._audience.has_grown(stations, now_s)
         ruling = self._ruling.apart_from(known)
         acting = {item.condition.name: item for item in ruling.conditions}
         reasons = {item.reason for item in acting.values()}

@@ -52,6 +52,8 @@ Waypoint = Mapping[str, float]
 
 _NO_SOURCES = {
     "failsafes_reported",
+    "ground_stations",
+    "operator_id",
     "batteries",
     "second_gnss_first",
     "better_gnss_taken",

@@ -191,6 +191,8 @@ class PassiveListener:
             system_id=autopilot.system_id,
             component_id=self._component_id,
         )
+        if isinstance(order, (MissionCommand, PauseContinue)):
+            self._listener.note_order(message.get_srcSystem())
         return [order] if isinstance(order, (MissionCommand, PauseContinue, DeniedCommand)) else []
 
     def _is_ours(self, message: Message) -> bool:

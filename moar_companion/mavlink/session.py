@@ -200,7 +200,8 @@ class Session:
 
         address: sender of a datagram to a listening link; None on all other links.
         """
-        self._now_s = now_s
+        # A packet that waited to be read arrived before the last cycle.
+        self._now_s = max(self._now_s, now_s)
         peers, before = self._peers[link], self.autopilot
         known = None if before is None else before.ids
         codec = peers.codec(address)
@@ -275,6 +276,8 @@ class Session:
             now_s=now_s,
             signed=message.get_signed(),
         )
+        if reception.accepted is not None and reception.accepted.permitted:
+            self._receiver.note_order(reception.accepted.sender.system_id)
         if reception.event is not None:
             self._events.append(reception.event)
         self._acknowledge(reception.answer, link)
@@ -332,25 +335,26 @@ class Session:
         """
         return self._control.send_setpoint(position_ned_m, velocity_ned_mps, yaw_rad, now_s)
 
-    def request_own_mode(self) -> bool:
+    def request_own_mode(self, now_s: float) -> bool:
         """Requests OFFBOARD or GUIDED once; returns False if there is no autopilot to control."""
-        return self._control.request_own_mode(self._now_s)
+        return self._control.request_own_mode(now_s)
 
-    def request_land(self) -> bool:
+    def request_land(self, now_s: float) -> bool:
         """Requests the autopilot's LAND mode once; returns False if there is none to control."""
-        return self._control.request_land(self._now_s)
+        return self._control.request_land(now_s)
 
     def answer(
         self,
         command: Command,
         result: CommandResult,
+        now_s: float,
         *,
         progress: int = 0,
         result_param2: int = 0,
     ) -> bool:
         """Acknowledges a received command on its link; returns False if no answer is due."""
         answer = self.commands.answer(
-            command, result, progress=progress, result_param2=result_param2, now_s=self._now_s
+            command, result, progress=progress, result_param2=result_param2, now_s=now_s
         )
         self._acknowledge(answer, command.sender.link)
         return answer is not None

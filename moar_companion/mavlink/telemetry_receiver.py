@@ -147,6 +147,10 @@ class TelemetryReceiver:
             return self.identity.note_other_clock(now_s)
         return None
 
+    def note_order(self, system_id: int) -> None:
+        """Takes the sender of an accepted order: its ground station is the operator's."""
+        self.telemetry = translate.with_operator(self.telemetry, system_id)
+
     def count_packets(
         self,
         counted: SourceStatistics,
@@ -176,5 +180,7 @@ class TelemetryReceiver:
             radio_link=before.radio_link,
             radio_channels=before.radio_channels,
             ground_station=before.ground_station,
+            ground_stations=before.ground_stations,
+            operator_id=before.operator_id,
             link=before.link,
         )

@@ -47,6 +47,12 @@ _NO_AIRCRAFT = {
 }
 
 
+_GROUND_GAP_S = 5.0
+"""Gap after which a ground station counts as new: five heartbeats."""
+_OPERATOR_S = 10.0
+"""Least time for which a ground station was received before its order makes it the operator's."""
+
+
 def update(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     """Telemetry updated by this message; unchanged by messages without a translator.
 
@@ -85,8 +91,7 @@ def boot_time_s(message: Message) -> float | None:
 
 def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     if is_ground_station(message):
-        received = PeerHeartbeat(received_s=now_s, system_id=message.get_srcSystem())
-        return replace(telemetry, ground_station=received)
+        return _ground_heartbeat(telemetry, message.get_srcSystem(), now_s)
     kind = autopilot_kind(message)
     if kind is None:
         return telemetry
@@ -120,6 +125,31 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
             motors=modes.motor_count(message.type),
         ),
     )
+
+
+def _ground_heartbeat(telemetry: Telemetry, system_id: int, now_s: float) -> Telemetry:
+    before = telemetry.ground_stations.get(system_id)
+    since_s = now_s
+    if before is not None and now_s - before.received_s <= _GROUND_GAP_S:
+        since_s = before.since_s or 0.0
+    received = PeerHeartbeat(received_s=now_s, system_id=system_id, since_s=since_s)
+    counts = telemetry.operator_id in {None, system_id}
+    return replace(
+        telemetry,
+        ground_station=received if counts else telemetry.ground_station,
+        ground_stations={**telemetry.ground_stations, system_id: received},
+    )
+
+
+def with_operator(telemetry: Telemetry, system_id: int) -> Telemetry:
+    """Telemetry after an order of this system: its ground station is the operator's from now on.
+
+    Only one that has been received for some time: a command line sends its order and leaves.
+    """
+    station = telemetry.ground_stations.get(system_id)
+    if station is None or station.received_s - (station.since_s or 0.0) < _OPERATOR_S:
+        return telemetry
+    return replace(telemetry, operator_id=system_id, ground_station=station)
 
 
 def _current_mode(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:

@@ -118,7 +118,7 @@ def _not_flying(telemetry: Telemetry, now_s: float) -> str | None:
 
 
 def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
-    """Text for a ground station that was received once and has sent nothing for too long."""
+    """Text for an operator's ground station that has sent nothing for too long."""
     received = telemetry.ground_station
     if received is None or now_s - received.received_s <= limits.ground_link_lost_s:
         return None

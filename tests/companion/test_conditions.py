@@ -182,6 +182,18 @@ def test_the_loss_of_the_ground_station_has_the_configured_action(action):
     assert (desk.state, flown(desk)) == expected[action]
 
 
+def test_another_ground_station_does_not_hide_the_loss_of_the_operators():
+    desk = Desk()
+    ground_station(desk, 255, seconds=11)
+    desk.come_to("flying", then_s=2.0)
+    ground_station(desk, 254, seconds=12)
+    assert desk.said("MOAR: no ground station for 1")
+    assert desk.state == "holding"
+    desk.order(INSPECTION, peer=Peer(254, 190)).run_until("flying", 4.0)
+    ground_station(desk, 254, seconds=5)
+    assert desk.state in {"flying", "at_target"}
+
+
 def test_jumps_that_add_up_are_held_until_a_new_order():
     desk = Desk().come_to("flying", then_s=6.0)
     desk.jump(0.0, 1.4, 0.0).run(2.0)

@@ -59,8 +59,8 @@ def test_a_second_autopilot_ends_control_and_the_event_names_both(story, autopil
     assert (event.autopilot.system_id, event.other.system_id) == (1, 2)
     assert story.session.conflict is not None
     assert not story.session.send_setpoint((0, 0, 0), (0, 0, 0.1), 0.0, story.now_s)
-    assert not story.session.request_own_mode()
-    assert not story.session.request_land()
+    assert not story.session.request_own_mode(story.now_s)
+    assert not story.session.request_land(story.now_s)
     for _ in range(11):  # the other falls silent
         story.handle(autopilot.heartbeat())
         story.run(1.0)

@@ -182,9 +182,9 @@ def test_a_mission_command_reaches_the_service_and_its_answer_the_sender(
     (command,) = story.session.commands.waiting
     assert isinstance(command, MissionCommand)
     assert command.sender.link == "network"
-    assert story.session.answer(command, CommandResult.IN_PROGRESS, progress=50)
-    assert story.session.answer(command, CommandResult.ACCEPTED)
-    assert not story.session.answer(command, CommandResult.FAILED)
+    assert story.session.answer(command, CommandResult.IN_PROGRESS, story.now_s, progress=50)
+    assert story.session.answer(command, CommandResult.ACCEPTED, story.now_s)
+    assert not story.session.answer(command, CommandResult.FAILED, story.now_s)
     sent = story.sent()
     assert [link for link, _ in sent] == ["network", "network"]
     acknowledged = of_type(sent, "COMMAND_ACK")
@@ -240,8 +240,8 @@ def test_a_mode_is_requested_once_in_the_autopilots_form(
     story, autopilot, kind, base_mode, own, land
 ):
     story.meet(autopilot, autopilot=kind, base_mode=base_mode)
-    assert story.session.request_own_mode()
-    assert story.session.request_land()
+    assert story.session.request_own_mode(story.now_s)
+    assert story.session.request_land(story.now_s)
     sent = story.sent()
     assert {link for link, _ in sent} == {"serial"}
     asked = [[m.param1, m.param2, m.param3] for m in commands(sent, DO_SET_MODE)]
@@ -251,8 +251,8 @@ def test_a_mode_is_requested_once_in_the_autopilots_form(
 
 def test_no_mode_is_requested_of_an_unknown_autopilot(story, autopilot):
     story.meet(autopilot, autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
-    assert not story.session.request_own_mode()
-    assert not Story().session.request_land()
+    assert not story.session.request_own_mode(story.now_s)
+    assert not Story().session.request_land(1.0)
 
 
 def test_an_answer_to_a_mode_request_is_an_event_even_if_broadcast(
@@ -260,7 +260,7 @@ def test_an_answer_to_a_mode_request_is_an_event_even_if_broadcast(
 ):
     story.meet(autopilot)
     story.handle(autopilot.acknowledge(DO_SET_MODE, 4, target=(0, 0)))  # of another system
-    story.session.request_own_mode()
+    story.session.request_own_mode(story.now_s)
     story.handle(autopilot.acknowledge(DO_SET_MODE, 0))
     story.handle(autopilot.acknowledge(DO_SET_MODE, 5))  # in progress
     story.handle(autopilot.acknowledge(DO_SET_MODE, 1, target=(0, 0)))
@@ -270,6 +270,15 @@ def test_an_answer_to_a_mode_request_is_an_event_even_if_broadcast(
         CommandAnswered(command=DO_SET_MODE, result=0),
         CommandAnswered(command=DO_SET_MODE, result=1),
     ]
+
+
+def test_the_answer_to_a_mode_request_after_a_stall_is_an_event(story, autopilot):
+    story.meet(autopilot)
+    story.now_s += 4.0  # the control loop stalls; the request is made in the cycle after it
+    story.session.request_own_mode(story.now_s)
+    story.handle(autopilot.acknowledge(DO_SET_MODE, 0))
+    assert story.events() == [CommandAnswered(command=DO_SET_MODE, result=0)]
+    assert not story.session.mode_unanswered
 
 
 # Setpoints, values, texts

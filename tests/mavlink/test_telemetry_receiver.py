@@ -157,3 +157,36 @@ def test_an_autopilot_restart_clears_the_obstacles():
     assert listener.telemetry.proximity is None
     handle(listener, distances(sensor, time_s=20.1), now_s=1.1)
     assert listener.telemetry.proximity is not None
+
+
+def heard(listener, *systems, since_s, until_s):
+    """Heartbeats of ground stations, once a second."""
+    for now_s in range(since_s, until_s):
+        for system in systems:
+            handle(listener, Peer(system, 190).ground_heartbeat(), now_s=float(now_s))
+    return listener.telemetry
+
+
+def test_two_ground_stations_of_one_cycle_are_both_kept():
+    telemetry = heard(TelemetryReceiver(), 255, 254, since_s=1, until_s=2)
+    assert list(telemetry.ground_stations) == [255, 254]
+
+
+def test_the_ground_station_of_the_last_order_is_the_operators():
+    listener = TelemetryReceiver()
+    assert heard(listener, 255, 254, since_s=0, until_s=12).ground_station.system_id == 254
+    listener.note_order(255)
+    assert heard(listener, 254, since_s=12, until_s=40).ground_station.received_s == 11.0
+    listener.note_order(254)
+    assert listener.telemetry.ground_station.received_s == 39.0
+
+
+def test_a_command_line_that_orders_and_leaves_is_no_operators_ground_station():
+    listener = TelemetryReceiver()
+    heard(listener, 255, since_s=0, until_s=20)
+    listener.note_order(255)
+    heard(listener, 255, 245, since_s=20, until_s=23)
+    listener.note_order(245)
+    assert heard(listener, 255, since_s=23, until_s=40).ground_station.system_id == 255
+    listener.note_order(7)  # one that sends no heartbeats
+    assert listener.telemetry.ground_station.system_id == 255
