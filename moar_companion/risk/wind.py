@@ -26,7 +26,7 @@ from .input_reports import InputReport, source_at, source_of
 MOTOR_OUTPUT = "motor output"
 REPORTED = "wind reported"
 FROM_TILT = "wind from tilt"
-_USUAL_DRAG = "default drag, not measured"
+USUAL_DRAG = "default drag, not measured"
 _ALONE = "alone it proves no calm"
 GUST_S = 15.0
 """Time constant of the running spread: the last 30 s have 86 % of the weight."""
@@ -39,6 +39,8 @@ _DEVIATION_MAX_MPS = 3.0
 risk begins are indistinguishable. PX4's settled estimate has 0.2 m/s."""
 MOTORS_MAX_AGE_S = 1.0
 """Maximum age of SERVO_OUTPUT_RAW: 5 periods at 5 to 10 Hz."""
+CLIMB_MPS = 0.5
+"""Least speed of a climb: the motors then lift the aircraft, and show no wind."""
 MOTORS_WINDOW_S = 0.8
 """Window of their mean: four samples at 5 Hz, and less than their maximum age. A jump of the
 setpoint takes the motors to their limit for one sample; wind holds them there."""
@@ -235,7 +237,7 @@ def _drag_remark(learning: DragLearning, model: RiskModel) -> str:
     if learning.known(model):
         drag, error = learning.drag_per_s(model), learning.error_per_s
         return f"drag {drag:.2f} ± {error:.2f} /s, of this flight"
-    return _USUAL_DRAG if model.drag_is_usual else ""
+    return USUAL_DRAG if model.drag_is_usual else ""
 
 
 def strongest(inputs: tuple[InputReport, ...]) -> InputReport | None:
@@ -261,8 +263,10 @@ def _effort(
 ) -> tuple[InputReport, ...]:
     """Inputs of the motors and of the tracking; without other inputs they never mean calm.
 
-    Outputs hardly rise before the lean is at its limit. On the ground they are unknown.
+    Outputs hardly rise before the lean is at its limit. On the ground they are unknown; in a climb
+    and a take-off they mean nothing.
     """
+    climbs = _climbs(telemetry)
     alone = not any(item.known for item in others)
     least, remark = (model.unknown, _ALONE) if alone else (0.0, "")
 
@@ -272,13 +276,19 @@ def _effort(
     ours = source_at(None if tracking_error_m is None else now_s, now_s, 0.0)
     return (
         source_of(telemetry.motors, now_s, MOTORS_MAX_AGE_S).input_report(
-            MOTOR_OUTPUT, window_mean(memory.outputs, now_s), "of its range", trouble, remark=remark
+            MOTOR_OUTPUT,
+            window_mean(memory.outputs, now_s),
+            "of its range",
+            trouble,
+            applies=not climbs,
+            remark=remark,
         ),
         source_of(telemetry.motor_speeds, now_s, MOTORS_MAX_AGE_S).input_report(
             "motor speed",
             window_mean(memory.motor_speeds, now_s),
             "of its range",
             trouble,
+            applies=not climbs,
             remark=remark,
         ),
         ours.input_report(
@@ -292,10 +302,19 @@ def _effort(
     )
 
 
+def _climbs(telemetry: Telemetry) -> bool:
+    position = telemetry.local_position
+    return position is not None and position.velocity_ned_mps[2] < -CLIMB_MPS
+
+
+def _motors_show_wind(telemetry: Telemetry) -> bool:
+    return shows_wind(telemetry) and not _climbs(telemetry)
+
+
 def _output(telemetry: Telemetry, model: RiskModel) -> MotorSample | None:
     """Greatest output of a motor over its range; None if it does not depend on the wind."""
     motors, pulses = telemetry.motors, _pulse_range(telemetry, model)
-    if motors is None or not motors.pulse_us or pulses is None or not shows_wind(telemetry):
+    if motors is None or not motors.pulse_us or pulses is None or not _motors_show_wind(telemetry):
         return None
     output = pulses.share(max(motors.pulse_us))
     return MotorSample(motors.received_s, output) if output <= _OUTPUT_MAX else None
@@ -307,7 +326,7 @@ def _motor_speed(telemetry: Telemetry, model: RiskModel) -> MotorSample | None:
     if speeds is None or not any(speeds.rpm) or speed_range is None:
         return None
     share = speed_range.share(max(speeds.rpm))
-    return MotorSample(speeds.received_s, share) if shows_wind(telemetry) else None
+    return MotorSample(speeds.received_s, share) if _motors_show_wind(telemetry) else None
 
 
 def _pulse_range(telemetry: Telemetry, model: RiskModel) -> Range | None:

@@ -134,7 +134,11 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "wind too strong, drifting {4|9999} m",
         "wind too strong, {1.8|99999} m off path",
     ),
-    "wind": ("wind {reported} {21.4|99999} m/s > {15|99.9}", "wind {reported} over {15|99.9} m/s"),
+    "wind": (
+        "wind {reported} {21.4|99999} m/s > {15|99.9}",
+        "wind {reported} over {15|99.9} m/s",
+        "wind {17.9|100.0} m/s, drag not measured",
+    ),
     "ground_link": ("no ground station for {12|9999} s",),
     "autopilot_fence": (
         "outside {FENCE_RADIUS 50 m|GF_MAX_HOR_DIST 10000 m}",

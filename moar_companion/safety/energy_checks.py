@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ..power import BATTERY_MAX_AGE_S, is_powered
 from ..risk.holding import lowered_limit_mps
-from ..risk.wind import strongest
+from ..risk.wind import USUAL_DRAG, strongest
 from ..telemetry import Battery
 from ..text_format import distance, exceeds, seconds
 from ..types import Mission
@@ -33,6 +33,8 @@ def wind(seen: CheckInputs, limit_mps: float) -> str | None:
     if seen.held_wind_mps is not None:
         limit_mps = lowered_limit_mps(limit_mps, seen.held_wind_mps)
     words = exceeds(item.name, item.value, limit_mps, item.unit)
+    if words and item.remark == USUAL_DRAG:
+        return f"wind {item.value:.1f} m/s, drag not measured ({words})"
     return f"{words} ({item.remark})" if words and item.remark else words
 
 

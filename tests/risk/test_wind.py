@@ -426,3 +426,17 @@ def test_a_small_noise_moves_the_wind_and_the_index_a_little(new_flight, noise, 
         # Gain of the lean: g / drag = 40; of the velocity: 2 / (window x drag) + 1 = 6.6.
         assert abs(flight.input("wind", "wind from tilt").value - wind) < 60.0 * size
         assert abs(flight.estimate.indices.wind - index) < 60.0 * size / 9.0 + 0.01
+
+
+def test_the_motors_of_a_climb_are_no_wind_and_those_after_it_are(new_flight, healthy):
+    flight = new_flight(**healthy)
+    rest = flight.fly(10.0).indices.wind
+    level = flight.sources["local_position"]
+    flight.sources["local_position"] = lambda t: replace(
+        level(t), velocity_ned_mps=(0.0, 0.0, -2.0)
+    )
+    flight.handle("motors", pulse_us=(1960, 1960, 1960, 1960))
+    assert flight.fly(10.0).indices.wind < rest + 0.05
+    assert not flight.input("wind", "motor output").applies
+    flight.sources["local_position"] = level
+    assert flight.fly(3.0).indices.wind > 0.9

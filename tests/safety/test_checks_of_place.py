@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.risk.wind import USUAL_DRAG
 from moar_companion.safety.condition_types import Causes
 from moar_companion.safety.position_checks import widening_m
 from moar_companion.site import Margin
@@ -166,8 +167,8 @@ STORIES = [
     ),
     (
         "a wind by a drag that nobody measured",
-        replace(IN_FLIGHT, risk=risk(wind(16.0, source="from tilt")._replace(remark="default"))),
-        {"wind": "wind from tilt 16.0 m/s > 15 (default)"},
+        replace(IN_FLIGHT, risk=risk(wind(16.0, source="from tilt")._replace(remark=USUAL_DRAG))),
+        {"wind": "wind 16.0 m/s, drag not measured (wind from tilt 16.0 m/s > 15)"},
     ),
     (
         "a wind that was too uncertain from the start",
