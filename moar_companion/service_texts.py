@@ -81,6 +81,11 @@ TWO_CLOCKS = PilotText(
     meaning="two autopilots with the same id are received",
     remedy="separate the links, or switch one off",
 )
+TWO_COMPANIONS = PilotText(
+    pattern="two companions with component id {id}",
+    meaning="another sender has the companion's ids: a second companion, or `check` on this link",
+    remedy="stop one, or give it another `component_id`",
+)
 AUTOPILOT_ELSEWHERE = PilotText(
     pattern="autopilot also at {host}",
     actions=("ignored",),

@@ -10,6 +10,7 @@ from .. import pilot_texts, service_texts
 from ..estimation.pose import Pose
 from ..mavlink.commands import CommandResult, result_words
 from ..mavlink.identity import AutopilotConflict
+from ..mavlink.own_ids import ComponentConflict
 from ..mavlink.peers import AutopilotElsewhere, PeerRefused
 from ..mavlink.session import CommandAnswered, Event, Session, Severity
 from ..mavlink.signing import SignedLinks
@@ -67,6 +68,9 @@ class Reports:
                 detail = f"port {port}, on {link}"
                 text = service_texts.AUTOPILOT_ELSEWHERE(host=host, detail=detail)
                 self.send_text(Severity.WARNING, text, now_s, action="ignored")
+            case ComponentConflict(component_id=component_id):
+                text = service_texts.TWO_COMPANIONS(id=component_id, detail="see component_id")
+                self.send_text(Severity.ERROR, text, now_s)
             case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
                 detail = f"{host}:{port} on {link}; commands.systems"
                 text = pilot_texts.SYSTEM_MAY_NOT(id=system_id, detail=detail)

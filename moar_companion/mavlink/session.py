@@ -33,6 +33,7 @@ from .commands import (
 from .dialect import Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .outbox import Outbox
+from .own_ids import ComponentConflict, OwnIds
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
 from .received_commands import ReceivedCommands
 from .signing import LinkSigning, SignedLinks
@@ -71,6 +72,7 @@ Event = (
     | AutopilotRestarted
     | AutopilotConflict
     | AutopilotElsewhere
+    | ComponentConflict
     | CommandAnswered
     | ModeLeft
     | PeerRefused
@@ -119,6 +121,7 @@ class Session:
         """Commands to the companion, until their final answers."""
         self._answers = ping_timesync.answer_limit()
         self._texts = StatusTexts()
+        self._own_ids = OwnIds()
         self._events: list[Event] = []
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
         self._now_s = 0.0
@@ -191,7 +194,7 @@ class Session:
         return self._encoded(self._outbox.take(commands_motion))
 
     def _encoded(self, messages: Iterable[tuple[str, Message]]) -> list[tuple[str, bytes]]:
-        return [(link, self._codecs[link].encode(message)) for link, message in messages]
+        return [(link, self._own_ids.encoded(item, self._codecs[link])) for link, item in messages]
 
     # In
 
@@ -241,6 +244,7 @@ class Session:
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
         if _source(message) == self._ids:
+            self._events += self._own_ids.receive(message, now_s)
             return
         event = self._receiver.handle(message, link=link, role=self._roles[link], now_s=now_s)
         if isinstance(event, AutopilotFound):

@@ -7,7 +7,7 @@ parameters and the version. It never sends a setpoint, a mode or a parameter.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from ..autopilots import profile
@@ -17,6 +17,7 @@ from ..config import CompanionConfig, LossCheck
 from ..estimation.pose_tracker import PoseTracker
 from ..link_config import LinkRole
 from ..mavlink.identity import Autopilot, AutopilotConflict
+from ..mavlink.own_ids import ComponentConflict
 from ..mavlink.peers import Address
 from ..mavlink.session import Session, SystemStatus
 from ..mavlink.signing import Signing, SigningRefusal, link_signings
@@ -141,6 +142,8 @@ class Preflight:
         self._pose_tracker = PoseTracker(site, vehicle.autopilot)
         self._risk = RiskEstimate.unknown(vehicle.risk)
         self._others: list[Autopilot] = []
+        self._companion: ComponentConflict | None = None
+        """Another sender with the companion's ids."""
         self._positions = self._attitudes = Arrivals()
         self._received_bytes = 0
         self._began_s: float | None = None
@@ -177,11 +180,11 @@ class Preflight:
             self._began_s = now_s
         session = self._session
         session.tick(now_s, SystemStatus.STANDBY)
-        self._others += [
-            event.other
-            for event in session.events_received()
-            if isinstance(event, AutopilotConflict)
-        ]
+        for event in session.events_received():
+            if isinstance(event, AutopilotConflict):
+                self._others.append(event.other)
+            elif isinstance(event, ComponentConflict):
+                self._companion = event
         if session.autopilot is None:
             self._done = now_s - self._began_s >= WAIT_S
             return
@@ -234,6 +237,7 @@ class Preflight:
         known = profile(autopilot.kind)
         return [
             *self._refusals(),
+            *self._other_companion(),
             *aircraft_findings(received, self._vehicle, self._site, self._limits),
             *parameter_findings(
                 known,
@@ -247,6 +251,17 @@ class Preflight:
             *self._offboard_loss(known),
             *self._failsafes(known),
         ]
+
+    def _other_companion(self) -> Iterator[Finding]:
+        other = self._companion
+        if other is not None:
+            yield Finding(
+                level=Level.WARNING,
+                subject="companion",
+                text=f"another sender has the ids {other.system_id} and {other.component_id}",
+                remedy="the running service: then all is well; a second companion: stop it, or "
+                "give it another `component_id`",
+            )
 
     def _causes(self) -> Causes:
         """Returns the service's reasons against a flight now."""

@@ -8,6 +8,7 @@ from moar_companion import autopilots
 from moar_companion.companion.reports import Reports
 from moar_companion.mavlink.autopilot_control import CommandAnswered
 from moar_companion.mavlink.identity import Autopilot, AutopilotConflict
+from moar_companion.mavlink.own_ids import ComponentConflict
 from moar_companion.mavlink.peers import AutopilotElsewhere, PeerRefused
 from moar_companion.mavlink.statustext import Severity
 from moar_companion.mission_states import MissionState
@@ -85,4 +86,11 @@ def test_a_second_autopilot_is_an_error_and_both_are_recorded():
     assert reported(event) == (
         [(Severity.ERROR, "MOAR: two autopilots, no control")],
         [f"two autopilots ({first}, {second})"],
+    )
+
+
+def test_a_second_companion_is_reported_with_its_id():
+    assert reported(ComponentConflict(system_id=1, component_id=195)) == (
+        [(Severity.ERROR, "MOAR: two companions with component id 195")],
+        ["two companions with component id 195 (see component_id)"],
     )

@@ -136,6 +136,18 @@ def test_an_aircraft_with_recommended_parameters_is_a_go():
         assert found[name].level is OK, str(found[name])
 
 
+def test_a_second_companion_is_a_warning():
+    look, second = Look(), mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
+    for step in range(40):
+        look.step()
+        if step % 10 == 0:
+            beat = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+            look.preflight.receive(LINK, beat.pack(second), look.now_s)
+    found = look.findings()
+    assert found["companion"].level is WARNING
+    assert found["companion"].text == "another sender has the ids 1 and 195"
+
+
 def test_px4_with_default_parameters_is_a_no_go_for_its_offboard_loss_action():
     found = Look().findings()
     assert [name for name, item in found.items() if item.level is NO_GO] == [
