@@ -269,8 +269,9 @@ CONDITIONS = (
     ),
     Condition(
         name="ground_link",
-        starts="no ground station is received for `ground_link_lost_s`, after it was received once "
-        "(action: `ground_link_action`)",
+        starts="no ground station is received for `ground_link_lost_s`, after it was received "
+        "once; after an order of one that had been received for 10 s, it alone counts (action: "
+        "`ground_link_action`)",
         action=Action.HOLD,
         over_s=2.0,
         override=Override.ORDER,
