@@ -357,14 +357,10 @@ NO_LANDING = PilotText(
 
 # The autopilot's parameters
 
-LOSS_UNREPORTED = PilotText(
-    pattern="{count} parameter{plural} unread, taken as default",
-    meaning="the autopilot never reported parameters of the offboard loss; the log names them",
-    remedy="see `check`",
-)
-FENCE_UNREPORTED = PilotText(
-    pattern="{count} fence parameter{plural} unread, taken as none",
-    meaning="the autopilot never reported these limits of its fence; the log names them",
+UNREPORTED = PilotText(
+    pattern="{count} parameter{plural} unread, taken as worst",
+    meaning="the autopilot never reported parameters on which the flight depends; the log names "
+    "them. Each counts with its most cautious value; where none is, no inspection begins",
     remedy="see `check`",
 )
 

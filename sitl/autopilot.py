@@ -30,6 +30,7 @@ from sitl.conditions import Conditions
 from sitl.links import DelayedPackets, Link, LinkOptions, Router
 from sitl.manner import Manner
 from sitl.manners import KINDS
+from sitl.parameters import Firmware
 from sitl.quadrotor import Airframe
 from sitl.scenario import Scenario, ScenarioPlayer
 from sitl.world import TICK_US, World, WorldOptions
@@ -44,11 +45,13 @@ DEFAULT_LINKS = (
 class Options:
     """Start of a simulation. Home is the aircraft's place; the ground is flat there.
 
-    autopilot: a name in `sitl.manners.KINDS`. airframe, battery: None means those of the
-    autopilot's own simulation.
+    autopilot: a name in `sitl.manners.KINDS`. firmware: the version that it reports, with that
+    release's names and units of parameters; None means the one that was measured. airframe,
+    battery: None means those of the autopilot's own simulation.
     """
 
     autopilot: str = "px4"
+    firmware: Firmware | None = None
     latitude_deg: float = 47.397742
     longitude_deg: float = 8.545594
     altitude_amsl_m: float = 489.4
@@ -109,7 +112,8 @@ class FakeAutopilot:
         )
         self._player = ScenarioPlayer(options.scenario)
         self._links = {link.name: Link(link, link_id) for link_id, link in enumerate(options.links)}
-        parameters = kind.parameters(options.parameters)
+        firmware = kind.firmware if options.firmware is None else options.firmware
+        parameters = kind.parameters(options.parameters, firmware)
         for name in options.parameters:
             sim_parameters.apply(name, parameters, self._world.conditions)
         self._manner = kind.start(self._world, Router(list(self._links.values())), parameters)

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from sitl.battery import BatteryOptions
 from sitl.links import Router
-from sitl.parameters import Parameters
+from sitl.parameters import Firmware, Parameters
 from sitl.quadrotor import Airframe
 from sitl.sticks import Sticks
 from sitl.world import World
@@ -59,7 +59,10 @@ class Kind:
     battery: BatteryOptions
     estimate_noise: float
     """Errors of the position estimate, 1 those of PX4's simulation."""
-    parameters: Callable[[Mapping[str, float]], Parameters]
-    """The parameters, some of them replaced; `KeyError`, `ValueError` when that is refused."""
+    firmware: Firmware
+    """The release whose behaviour it has."""
+    parameters: Callable[[Mapping[str, float], Firmware], Parameters]
+    """The parameters of a firmware, some of them replaced; `KeyError`, `ValueError` when that is
+    refused."""
     start: Callable[[World, Router, Parameters], Manner]
     """Boots the autopilot."""

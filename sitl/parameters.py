@@ -5,7 +5,7 @@ integer's bytes there unchanged (`bytewise`), ArduPilot its number.
 """
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -27,13 +27,35 @@ class Parameter:
     maximum: float = 2147483647.0
 
 
+Firmware = tuple[int, int, int]
+"""Major, minor and patch version."""
+Read = tuple[str, Callable[[float], float]]
+"""The name that a parameter has in a later firmware, and its value from that one's."""
+
+
+def version_number(firmware: Firmware) -> int:
+    """AUTOPILOT_VERSION.flight_sw_version of an official release."""
+    return int.from_bytes(bytes((*firmware, 255)), "big")
+
+
 class Parameters:
-    """All parameters with their values, in alphabetical order."""
+    """All parameters of a firmware with their values, in alphabetical order."""
 
     def __init__(
-        self, table: Iterable[Parameter], values: Mapping[str, float], *, bytewise: bool
+        self,
+        table: Iterable[Parameter],
+        values: Mapping[str, float],
+        *,
+        bytewise: bool,
+        firmware: Firmware,
+        renamed: Mapping[str, Read] | None = None,
     ) -> None:
-        """Start from the defaults, some replaced."""
+        """Start from the defaults, some replaced.
+
+        renamed: by the name that the simulation reads; the table has the firmware's own names.
+        """
+        self.firmware = firmware
+        self._renamed = renamed or {}
         self.table = tuple(sorted(table, key=lambda parameter: parameter.name))
         self.index = {parameter.name: i for i, parameter in enumerate(self.table)}
         self.values: dict[str, float] = {p.name: p.default for p in self.table}
@@ -43,6 +65,9 @@ class Parameters:
 
     def value(self, name: str) -> float:
         """Return a value; `KeyError` when there is no such parameter."""
+        if name in self._renamed:
+            name, read = self._renamed[name]
+            return read(self.values[name])
         return self.values[name]
 
     def type(self, name: str) -> int:

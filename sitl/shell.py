@@ -21,7 +21,7 @@ from sitl.autopilot import FakeAutopilot, Options
 from sitl.geodesy import Geodetic
 from sitl.links import LinkOptions
 from sitl.manners import KINDS
-from sitl.parameters import Parameters
+from sitl.parameters import Firmware, Parameters
 from sitl.ports import Port, Url, open_port
 from sitl.scenario import Scenario
 from sitl.signing import SignOptions
@@ -94,6 +94,9 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
     parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds per second")
     parser.add_argument("--truth", metavar="FILE.csv", help="log of what is really so, at 20 Hz")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--firmware", metavar="VERSION", help="report this version; parameters have its names"
+    )
     parser.add_argument("--param", metavar="NAME=VALUE", action="append", help="set a parameter")
     parser.add_argument("--lidar", metavar="HOST:PORT", help="send a VLP-16's packets there by UDP")
     parser.add_argument("--lidar-scene", metavar="FILE", help="what stands around, for the lidar")
@@ -105,6 +108,8 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
         home, yaw_deg = _home(args.home)
         signing = None if args.sign_key is None else _sign_options(Path(args.sign_key))
         lidar = _lidar(args.lidar, args.lidar_scene)
+        kind = KINDS[args.autopilot]
+        firmware = None if args.firmware is None else _firmware(args.firmware)
         options = Options(
             autopilot=args.autopilot,
             latitude_deg=home.latitude_deg,
@@ -121,7 +126,10 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
                 )
                 for name in urls
             ),
-            parameters=_parameters(args.param or [], KINDS[args.autopilot].parameters({})),
+            firmware=firmware,
+            parameters=_parameters(
+                args.param or [], kind.parameters({}, firmware or kind.firmware)
+            ),
         )
     except (_Bad, BadInputError) as error:
         parser.error(str(error))
@@ -204,6 +212,14 @@ def _sign_options(path: Path) -> SignOptions:
         raise _Bad(f"--sign-key {path}: {error.strerror}") from None
     except ValueError as error:
         raise _Bad(f"--sign-key {path}: {error}") from None
+
+
+def _firmware(text: str) -> Firmware:
+    parts = text.split(".")
+    if len(parts) != 3 or not all(part.isdecimal() and int(part) < 256 for part in parts):
+        raise _Bad(f"--firmware {text!r}: must be MAJOR.MINOR.PATCH, as 4.7.1")
+    major, minor, patch = map(int, parts)
+    return major, minor, patch
 
 
 def _parameters(texts: Sequence[str], known: Parameters) -> dict[str, float]:

@@ -1,8 +1,9 @@
 """The flight after an offboard loss, by some parameters of an autopilot, else by its defaults."""
 
 from moar_companion.autopilots import profile
+from moar_companion.autopilots.parameter_names import Parameters
 
 
 def loss_of(kind, **parameters):
     known = profile(kind)
-    return known.offboard_loss(known.with_silence(parameters))
+    return known.offboard_loss(Parameters({**known.parameters.defaults, **parameters}))

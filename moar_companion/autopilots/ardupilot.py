@@ -1,5 +1,9 @@
 """ArduCopter: its modes, failsafes, fence, frame and flight, and the rules of check.
 
+Names and units of parameters: the parameters' descriptions and ranges of 4.6.3; ArduPilot's page
+"Parameter Name Changes" and the conversion tables in its source for 4.7. PSC_JERK_* had a name in
+4.7.0 that 4.7.1 changed again.
+
 Sources: manual of ArduCopter 4.6, "Failsafes" and the parameters' descriptions; source of 4.6.3,
 `ArduCopter/mode.h`, `events.cpp` (failsafe_radio_on_event, failsafe_gcs_on_event,
 handle_battery_failsafe, failsafe_deadreckon_check, do_failsafe_action), `ekf_check.cpp`
@@ -20,6 +24,7 @@ from ..types import AutopilotKind, GeodeticPoint, Vector
 from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
+from .parameter_names import Name, Parameter, Parameters, ParameterTable, Release, keys
 from .parameter_rules import (
     CLIMBING,
     FALLS,
@@ -51,26 +56,84 @@ from .profile import FailsafeText, Profile
 KIND = AutopilotKind("ardupilot")
 NAME = "ArduPilot"
 
-DEFAULTS = {
-    "BATT_CAPACITY": 3300.0,
-    "BATT_CRT_MAH": 0.0,
-    "BATT_CRT_VOLT": 0.0,
-    "BATT_FS_CRT_ACT": 0.0,
-    "BATT_FS_LOW_ACT": 0.0,
-    "BATT_LOW_MAH": 0.0,
-    "BATT_LOW_VOLT": 10.5,
-    "EK3_DRAG_BCOEF_X": 0.0,
-    "EK3_DRAG_MCOEF": 0.0,
-    "FS_DR_ENABLE": 2.0,
-    "FS_EKF_ACTION": 1.0,
-    "FS_GCS_ENABLE": 0.0,
-    "FS_OPTIONS": 16.0,
-    "FS_THR_ENABLE": 1.0,
-    "RTL_ALT": 1500.0,
-    "RTL_CLIMB_MIN": 0.0,
-    "RTL_CONE_SLOPE": 3.0,
-}
-"""Parameters and their defaults in 4.6.3."""
+_4_7: Release = (4, 7, 0)
+
+
+def _renamed(name: str, before: str, scale: float) -> tuple[Name, ...]:
+    """Names of a parameter that 4.7 renamed. scale: of its unit before, in today's."""
+    return Name(name, _4_7), Name(before, scale=scale)
+
+
+_CM, _CDEG = 0.01, 0.01
+"""Units before 4.7: cm, cm/s, cm/s^2, and hundredths of a degree."""
+_LOSS = (
+    # Any value may be set, up to 5 s by its range: the aircraft would fly on so long.
+    Parameter("GUID_TIMEOUT", 3.0),
+    # The softest braking and shaping that their ranges allow.
+    Parameter("WP_ACC", 2.5, 0.5, _renamed("WP_ACC", "WPNAV_ACCEL", _CM)),
+    Parameter("WP_ACC_Z", 1.0, 0.5, _renamed("WP_ACC_Z", "WPNAV_ACCEL_Z", _CM)),
+    Parameter(
+        "PSC_NE_JERK",
+        5.0,
+        1.0,
+        (Name("PSC_NE_JERK", (4, 7, 1)), Name("PSC_JERK_NE", _4_7), Name("PSC_JERK_XY")),
+    ),
+    Parameter(
+        "PSC_D_JERK",
+        5.0,
+        1.0,
+        (Name("PSC_D_JERK", (4, 7, 1)), Name("PSC_JERK_D", _4_7), Name("PSC_JERK_Z")),
+    ),
+)
+"""Parameters of the flight after an offboard loss, with the defaults of 4.6."""
+_FAILSAFES = (
+    # Thresholds: in the worst case the action comes at once, and no inspection could begin.
+    Parameter("BATT_CAPACITY", 3300.0),
+    Parameter("BATT_CRT_MAH", 0.0),
+    Parameter("BATT_CRT_VOLT", 0.0),
+    Parameter("BATT_LOW_MAH", 0.0),
+    Parameter("BATT_LOW_VOLT", 10.5),
+    # Actions: a landing and a return hit different obstacles, none is the worst one.
+    Parameter("BATT_FS_CRT_ACT", 0.0),
+    Parameter("BATT_FS_LOW_ACT", 0.0),
+    Parameter("FS_DR_ENABLE", 2.0),
+    Parameter("FS_GCS_ENABLE", 0.0),
+    Parameter("FS_THR_ENABLE", 1.0),
+    # With a wind estimate dead reckoning has a failsafe of its own, beside the estimator's.
+    Parameter("EK3_DRAG_BCOEF_X", 0.0, 2.0),
+    Parameter("EK3_DRAG_MCOEF", 0.0, 1.0),
+    Parameter("FS_EKF_ACTION", 1.0, 1.0),  # the descent, which hits more than a drift
+    Parameter("FS_OPTIONS", 16.0, 0.0),  # no bit: each loss acts in GUIDED
+    # A return that climbs higher passes over some obstacles and hits others.
+    Parameter("RTL_ALT_M", 15.0, None, _renamed("RTL_ALT_M", "RTL_ALT", _CM)),
+    Parameter("RTL_CLIMB_MIN_M", 0.0, None, _renamed("RTL_CLIMB_MIN_M", "RTL_CLIMB_MIN", _CM)),
+    Parameter("RTL_CONE_SLOPE", 3.0),
+)
+_FENCE = (
+    Parameter("FENCE_ACTION", 1.0, 1.0),  # for texts alone: the fence is kept for every action
+    # The limits themselves: one nearer than any value that is assumed would be crossed.
+    Parameter("FENCE_ALT_MAX", 100.0),
+    Parameter("FENCE_ALT_MIN", -10.0),
+    Parameter("FENCE_RADIUS", 300.0),
+    Parameter("FENCE_AUTOENABLE", 0.0, 1.0, (Name("FENCE_AUTOENABLE", (4, 6, 0)),), 0.0),  # on
+    Parameter("FENCE_ENABLE", 0.0, 1.0),  # on
+    Parameter("FENCE_MARGIN", 2.0, 10.0),  # the greatest of its range
+    Parameter("FENCE_MARGIN_XY", 0.0, 10.0, (Name("FENCE_MARGIN_XY", _4_7),), 0.0),
+    Parameter("FENCE_OPTIONS", 0.0, 0.0),  # no union: all inclusion areas have to be kept
+    Parameter("FENCE_TYPE", 7.0, 15.0),  # all kinds of limits
+)
+_HOLDING = (
+    # The least lean and the weakest motors of their ranges: the least wind that is held.
+    Parameter("PSC_ANGLE_MAX", 0.0, 10.0),
+    Parameter("ATC_ANGLE_MAX", 30.0, 10.0, _renamed("ATC_ANGLE_MAX", "ANGLE_MAX", _CDEG)),
+    Parameter("MOT_THST_HOVER", 0.35, 0.6875),
+)
+_CHECKED = (
+    # Read by `check` alone, which judges no value that is not reported.
+    Parameter("WP_SPD", 10.0, None, _renamed("WP_SPD", "WPNAV_SPEED", _CM)),
+    Parameter("WP_SPD_UP", 2.5, None, _renamed("WP_SPD_UP", "WPNAV_SPEED_UP", _CM)),
+    Parameter("WP_SPD_DN", 1.5, None, _renamed("WP_SPD_DN", "WPNAV_SPEED_DN", _CM)),
+)
 _RC_IN_GUIDED = 1 << 2
 """Bit of FS_OPTIONS: GUIDED continues without the remote control. The GCS has no such bit."""
 _BRAKES = Reaction(AutopilotAction.HOLD, "brake, or land")
@@ -119,14 +182,6 @@ _LEAST_HEIGHT_M = 0.3
 """Least height of a return, RTL_ALT_MIN."""
 _LEAST_SLOPE = 0.5
 """Least slope of the cone, RTL_MIN_CONE_SLOPE: none below it."""
-_LOSS_DEFAULTS = {
-    "GUID_TIMEOUT": 3.0,
-    "PSC_JERK_XY": 5.0,
-    "PSC_JERK_Z": 5.0,
-    "WPNAV_ACCEL": 250.0,
-    "WPNAV_ACCEL_Z": 100.0,
-}
-"""Parameters of the flight after an offboard loss, and their defaults in 4.6."""
 _DETECTION_S = 0.4
 """0.1 s until ArduPilot detects missing setpoints; the rest is the shaper's jerk."""
 _SHAPING_S = 0.5
@@ -134,7 +189,7 @@ _SHAPING_S = 0.5
 adds _SHAPED s to the stop."""
 _SHAPED = 1.1
 _LEVEL = 0.5
-"""Fraction of WPNAV_ACCEL with which ArduPilot brakes in a tail wind."""
+"""Fraction of WP_ACC with which ArduPilot brakes in a tail wind."""
 _ALTITUDE_MAX, _CIRCLE, _AREAS, _ALTITUDE_MIN = 1, 2, 4, 8
 """Bits of FENCE_TYPE."""
 _INCLUSION_UNION = 2
@@ -244,8 +299,8 @@ class ArduPilotReturn:
     def of(cls, value: Mapping[str, float]) -> ArduPilotReturn:
         """Return by the values of the parameters."""
         return cls(
-            altitude_m=0.01 * value["RTL_ALT"],
-            climb_m=0.01 * max(0.0, value["RTL_CLIMB_MIN"]),
+            altitude_m=value["RTL_ALT_M"],
+            climb_m=max(0.0, value["RTL_CLIMB_MIN_M"]),
             slope=value["RTL_CONE_SLOPE"],
         )
 
@@ -259,7 +314,7 @@ class ArduPilotReturn:
 
 
 def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
-    """Yields ArduPilot's failsafe actions in GUIDED, by the values of all of DEFAULTS."""
+    """Yields ArduPilot's failsafe actions in GUIDED, by the values of all of _FAILSAFES."""
     home = ArduPilotReturn.of(value)
     capacity_mah = value["BATT_CAPACITY"]
     for trigger, stage in ((Trigger.LOW_BATTERY, "LOW"), (Trigger.CRITICAL_BATTERY, "CRT")):
@@ -312,18 +367,18 @@ def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     )
 
 
-def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLoss:
+def _loss(value: Mapping[str, float], parameters: Parameters) -> OffboardLoss:
     """Offboard loss: ArduPilot moves the last point on at its velocity for GUID_TIMEOUT.
 
-    Then it brakes at WPNAV_ACCEL or WPNAV_ACCEL_Z, as its jerk allows. A bound over flights of the
+    Then it brakes at WP_ACC or WP_ACC_Z, as its jerk allows. A bound over flights of the
     fake ArduPilot (`tests/safety/test_offboard_loss.py`).
     """
     timeout_s = max(0.0, value["GUID_TIMEOUT"])
-    level_mps2 = max(SOFT_MPS2, value["WPNAV_ACCEL"] / 100.0)
-    upright_mps2 = max(SOFT_MPS2, value["WPNAV_ACCEL_Z"] / 100.0)
+    level_mps2 = max(SOFT_MPS2, value["WP_ACC"])
+    upright_mps2 = max(SOFT_MPS2, value["WP_ACC_Z"])
     shaping_s = max(
-        level_mps2 / max(SOFT_MPS2, value["PSC_JERK_XY"]),
-        upright_mps2 / max(SOFT_MPS2, value["PSC_JERK_Z"]),
+        level_mps2 / max(SOFT_MPS2, value["PSC_NE_JERK"]),
+        upright_mps2 / max(SOFT_MPS2, value["PSC_D_JERK"]),
     )
     return OffboardLoss(
         kind=KIND,
@@ -335,21 +390,18 @@ def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLo
         stopping_s=timeout_s + _DETECTION_S + max(0.0, _SHAPED * (shaping_s - _SHAPING_S)),
         stopping_s2pm=max(0.5 / (_LEVEL * level_mps2), 0.5 / upright_mps2),
         follows_mps2=min(level_mps2, upright_mps2),
-        follows_parameters=("WPNAV_ACCEL", "WPNAV_ACCEL_Z"),
-        follows_unit_mps2=0.01,
-        unreported=unreported,
+        follows_parameters=parameters.shown(("WP_ACC", "WP_ACC_Z")),
+        follows_unit_mps2=parameters.called("WP_ACC").scale,
     )
 
 
-def _fence(
-    values: Mapping[str, float], areas: tuple[Area, ...], unreported: tuple[str, ...], enabled: bool
-) -> Fence:
+def _fence(values: Mapping[str, float], areas: tuple[Area, ...], enabled: bool) -> Fence:
     """Fence. ArduPilot's RC switch, mission items and DO_FENCE_ENABLE change no parameter.
 
     (AC_Fence::enable.) A fence that they disable still counts while a parameter enables it.
     """
     if not (enabled or values["FENCE_ENABLE"] or values["FENCE_AUTOENABLE"]):
-        return Fence(unreported=unreported)
+        return Fence()
     chosen = int(values["FENCE_TYPE"])
     return Fence(
         circle=limit(values, "FENCE_RADIUS", on=chosen & _CIRCLE),
@@ -357,9 +409,8 @@ def _fence(
         floor=limit(values, "FENCE_ALT_MIN", on=chosen & _ALTITUDE_MIN),
         areas=areas if chosen & _AREAS else (),
         union=bool(int(values["FENCE_OPTIONS"]) & _INCLUSION_UNION),
-        margin_m=max(0.0, values["FENCE_MARGIN"]),
+        margin_m=max(0.0, values["FENCE_MARGIN"], values["FENCE_MARGIN_XY"]),
         action=_FENCE_REACTIONS.get(int(values["FENCE_ACTION"]), _FENCE_REACTIONS[1])[1],
-        unreported=unreported,
     )
 
 
@@ -500,20 +551,13 @@ _RULES = (
         for name, stage in (("BATT_LOW_MAH", "low"), ("BATT_CRT_MAH", "critical"))
     ),
     Rule(
-        parameter="RTL_ALT",
-        judge=shown("m", scale=0.01),
+        parameter="RTL_ALT_M",
+        judge=shown("m"),
         meaning="the height above home to which every return climbs first",
         unknown=Level.NOTE,
     ),
-    *speed_limits(
-        "ArduPilot",
-        ("WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN"),
-        scale=0.01,
-        unknown=Level.NOTE,
-    ),
-    *follows_setpoints(
-        "ArduPilot", (("WPNAV_ACCEL", "level"), ("WPNAV_ACCEL_Z", "up and down")), 0.01
-    ),
+    *speed_limits("ArduPilot", ("WP_SPD", "WP_SPD_UP", "WP_SPD_DN"), unknown=Level.NOTE),
+    *follows_setpoints("ArduPilot", (("WP_ACC", "level"), ("WP_ACC_Z", "up and down"))),
     *(
         Rule(
             parameter=name,
@@ -531,6 +575,7 @@ PROFILE = Profile(
     name=NAME,
     mav_autopilot=3,
     measured_releases=((4, 6),),
+    newest_release=(4, 7),
     oldest_release=(4, 3),
     mode_name=_MODES.get,
     mode_enums={
@@ -580,23 +625,14 @@ PROFILE = Profile(
     stray_s2=0.0,
     landing_mps=0.5,  # LAND_SPEED
     landed_hover_s=1.0,  # the motors stop after 3 s
-    tilt_limits=(("PSC_ANGLE_MAX", 1.0), ("ANGLE_MAX", 0.01)),  # AC_PosControl: 0 means the second
+    tilt_limits=("PSC_ANGLE_MAX", "ATC_ANGLE_MAX"),  # AC_PosControl: 0 means the second
     hover_thrust="MOT_THST_HOVER",
-    loss_defaults=_LOSS_DEFAULTS,
+    parameters=ParameterTable((*_LOSS, *_FAILSAFES, *_FENCE, *_HOLDING, *_CHECKED)),
+    loss_parameters=keys(_LOSS),
     read_loss=_loss,
-    failsafe_defaults=DEFAULTS,
+    failsafe_parameters=keys(_FAILSAFES),
     read_failsafes=_actions,
-    fence_parameters=(
-        "FENCE_ACTION",
-        "FENCE_ALT_MAX",
-        "FENCE_ALT_MIN",
-        "FENCE_AUTOENABLE",
-        "FENCE_ENABLE",
-        "FENCE_MARGIN",
-        "FENCE_OPTIONS",
-        "FENCE_RADIUS",
-        "FENCE_TYPE",
-    ),
+    fence_parameters=keys(_FENCE),
     read_fence=_fence,
     rules=_RULES,
 )

@@ -92,13 +92,11 @@ class FailsafeAction:
 class Failsafes:
     """All failsafe actions that an autopilot has enabled.
 
-    home_m: its home in the site's frame; None if unknown. unreported: parameters at their defaults
-    because the autopilot never reported them.
+    home_m: its home in the site's frame; None if unknown.
     """
 
     actions: tuple[FailsafeAction, ...] = ()
     home_m: Vector | None = None
-    unreported: tuple[str, ...] = ()
 
     def of(self, triggers: Iterable[Trigger]) -> Failsafes:
         """Failsafes of some triggers."""

@@ -9,9 +9,8 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from .. import pilot_texts
 from ..telemetry import FenceItem
-from ..text_format import limit_text, plural
+from ..text_format import limit_text
 
 _POLYGON_INCLUSION, _POLYGON_EXCLUSION, _CIRCLE_INCLUSION, _CIRCLE_EXCLUSION = range(5001, 5005)
 """MAV_CMD_NAV_FENCE_*; 5000 is a return point, which limits nothing."""
@@ -49,8 +48,6 @@ class Fence:
     margin_m: distance that the autopilot keeps from its fence (FENCE_MARGIN). action: as a text.
     overrules_land: True if the autopilot overrides a LAND ordered outside. source_gnss: parameter
     that makes the receiver's position count instead of the estimator's; empty otherwise.
-    unreported: parameters that the autopilot never reported, except the action: their limits are
-    unknown.
     """
 
     circle: Limit | None = None
@@ -62,15 +59,6 @@ class Fence:
     action: str = "nothing"
     overrules_land: bool = False
     source_gnss: str = ""
-    unreported: tuple[str, ...] = ()
-
-    @property
-    def assumption(self) -> str | None:
-        """Text of the unknown parameters; None if all were reported."""
-        if not self.unreported:
-            return None
-        count, names = len(self.unreported), ", ".join(self.unreported)
-        return pilot_texts.FENCE_UNREPORTED(count=count, plural=plural(count), detail=names)
 
     @property
     def about_home(self) -> bool:

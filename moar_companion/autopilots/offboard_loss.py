@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .. import pilot_texts
-from ..text_format import exceeds, plural, reason_chars, with_name
+from ..text_format import exceeds, reason_chars, with_name
 from ..types import AutopilotKind
 from .failsafe_actions import AutopilotAction, ReturnHeight
 
@@ -31,7 +30,7 @@ _LONGEST_S = 5.0
 class OffboardLoss:
     """Flight after an offboard loss. The stopping distance is a v + b v^2.
 
-    stopping_s, stopping_s2pm: a and b. unreported: parameters that the autopilot never reported.
+    stopping_s, stopping_s2pm: a and b.
     """
 
     kind: AutopilotKind
@@ -55,7 +54,6 @@ class OffboardLoss:
     """Route of a return to home; None for a return to another place, or another action."""
     unknown_return: str = ""
     """Cause of a return to another place, for texts."""
-    unreported: tuple[str, ...] = ()
 
     def stopping_m(self, speed_mps: FloatArray) -> FloatArray:
         """Stopping distance beyond the last setpoint, at speeds (n,): (n,)."""
@@ -65,14 +63,6 @@ class OffboardLoss:
         """Greatest speeds (n,) with stopping distances within (n,)."""
         half = 0.5 * self.stopping_s / self.stopping_s2pm
         return np.asarray(np.sqrt(half**2 + free_m / self.stopping_s2pm) - half)
-
-    @property
-    def assumption(self) -> str | None:
-        """Text about parameters taken as default; None if all were reported."""
-        if not self.unreported:
-            return None
-        count, names = len(self.unreported), ", ".join(self.unreported)
-        return pilot_texts.LOSS_UNREPORTED(count=count, plural=plural(count), detail=names)
 
     def lag(self, acceleration_mps2: float) -> str | None:
         """Reason why the autopilot cannot follow this acceleration; None if it can."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from .failsafe_actions import AutopilotAction
 from .offboard_loss import OffboardLoss, follows
+from .parameter_names import Parameters
 
 CLIMBS = "which climbs first, perhaps through conductors"
 CLIMBING = f"return, {CLIMBS}"
@@ -55,9 +56,9 @@ _WORRYING_RISK = 0.5
 class Case(NamedTuple):
     """Context of a judgement: the autopilot's parameters, the vehicle file, what is received."""
 
-    parameters: Mapping[str, float | None]
+    parameters: Parameters
     loss: OffboardLoss
-    """Offboard loss by these parameters, with defaults for those that were not reported."""
+    """Offboard loss by these parameters."""
     objection: Level
     """Level of an objection to an offboard loss in flight, as configured."""
     ground_station_received: bool
@@ -86,6 +87,7 @@ class Rule(NamedTuple):
     """Judgement of one parameter, its meaning, and the remedy."""
 
     parameter: str
+    """Its key; the report has its name in the connected firmware."""
     judge: Judge
     meaning: str
     remedy: str | Callable[[Case], str] = ""
@@ -193,14 +195,13 @@ def speed_limits(
     autopilot: str,
     names: tuple[str, str, str],
     *,
-    scale: float = 1.0,
     unknown: Level = Level.WARNING,
 ) -> tuple[Rule, ...]:
-    """Rules of the parameters that limit the speed level, upwards and downwards; scale: to m/s."""
+    """Rules of the parameters that limit the speed level, upwards and downwards, in m/s."""
     return tuple(
         Rule(
             parameter=name,
-            judge=_covers(axis, scale),
+            judge=_covers(axis),
             meaning=f"greatest speed of {autopilot} {direction}",
             remedy="set it higher, or the speed of the vehicle file lower",
             unknown=unknown,
@@ -211,9 +212,9 @@ def speed_limits(
     )
 
 
-def shown(unit: str, scale: float = 1.0) -> Judge:
+def shown(unit: str) -> Judge:
     """Judges any value as a note."""
-    return lambda value, _: (Level.NOTE, f"{value * scale:g} {unit}")
+    return lambda value, _: (Level.NOTE, f"{value:g} {unit}")
 
 
 def time_on_last_setpoint(value: float, case: Case) -> Verdict:
@@ -228,18 +229,16 @@ def time_on_last_setpoint(value: float, case: Case) -> Verdict:
     return (Level.OK if value <= _SHORT_S else Level.WARNING), words
 
 
-def follows_setpoints(
-    autopilot: str, names: tuple[tuple[str, str], ...], unit_mps2: float
-) -> tuple[Rule, ...]:
-    """Rules of parameters that limit the acceleration, by name and direction.
+def follows_setpoints(autopilot: str, names: tuple[tuple[str, str], ...]) -> tuple[Rule, ...]:
+    """Rules of parameters that limit the acceleration, in m/s^2, by name and direction.
 
     Below that of our setpoints the service objects as to an offboard loss.
     """
 
     def judge(value: float, case: Case) -> Verdict:
-        limit_mps2, asked_mps2 = unit_mps2 * value, case.acceleration_mps2
-        words = f"{limit_mps2:g} m/s2, the vehicle file requires {asked_mps2:g}"
-        return (Level.OK if follows(limit_mps2, asked_mps2) else case.objection), words
+        asked_mps2 = case.acceleration_mps2
+        words = f"{value:g} m/s2, the vehicle file requires {asked_mps2:g}"
+        return (Level.OK if follows(value, asked_mps2) else case.objection), words
 
     def remedy(case: Case) -> str:
         settings = case.loss.follows_remedy(case.acceleration_mps2)
@@ -257,13 +256,13 @@ def follows_setpoints(
     )
 
 
-def _covers(axis: int, scale: float) -> Judge:
-    """Judges a speed limit, which must not be below that of the vehicle file; scale: to m/s."""
+def _covers(axis: int) -> Judge:
+    """Judges a speed limit in m/s, which must not be below that of the vehicle file."""
 
     def judge(value: float, case: Case) -> Verdict:
-        limit_mps, asked_mps = value * scale, case.speeds_mps[axis]
-        words = f"{limit_mps:g} m/s, the vehicle file requires {asked_mps:g}"
-        return (Level.OK if limit_mps >= asked_mps - 1e-3 else Level.WARNING), words
+        asked_mps = case.speeds_mps[axis]
+        words = f"{value:g} m/s, the vehicle file requires {asked_mps:g}"
+        return (Level.OK if value >= asked_mps - 1e-3 else Level.WARNING), words
 
     return judge
 

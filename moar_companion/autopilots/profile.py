@@ -9,17 +9,25 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from ..telemetry import Failsafe, FenceItem
+from ..telemetry import Failsafe, FenceItem, Firmware
 from ..types import AutopilotKind, GeodeticPoint, Vector
 from .failsafe_actions import FailsafeAction, Failsafes
 from .fence import Area, Fence, areas_of
 from .offboard_loss import OffboardLoss
+from .parameter_names import Parameters, ParameterTable, Release
 from .parameter_rules import Rule
 
 Values = Mapping[str, float]
-"""Values of parameters by name."""
-Parameters = Mapping[str, float | None]
-"""Parameters by name; None: never reported; absent: still awaited."""
+"""Values of parameters by key."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unreported:
+    """Parameters that the autopilot never reported, by their names in its firmware."""
+
+    names: tuple[str, ...] = ()
+    denying: tuple[str, ...] = ()
+    """Those of them without a most cautious value: no inspection begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +56,8 @@ class Profile:
     """MAV_AUTOPILOT of its heartbeat."""
     measured_releases: tuple[tuple[int, int], ...]
     """Major and minor versions whose behaviour this program was measured against."""
+    newest_release: tuple[int, int]
+    """Newest release whose parameters are in the table: a later one may have other names."""
     oldest_release: tuple[int, int]
     """Releases before it have other failsafes and other parameters for them."""
 
@@ -126,96 +136,120 @@ class Profile:
     """Speed of its landing."""
     landed_hover_s: float
     """Hover time with the energy of the motors on the ground until they stop."""
-    tilt_limits: tuple[tuple[str, float], ...]
-    """Parameters that limit the lean in position control, with their units in degrees; the first
-    that is above 0 counts."""
+    tilt_limits: tuple[str, ...]
+    """Parameters that limit the lean in position control, in degrees; the first above 0 counts."""
     hover_thrust: str | None
     """Parameter of the hover thrust, as a fraction of the greatest thrust."""
 
     # Meaning of its parameters
 
-    loss_defaults: Values
-    """Parameters that decide the flight after an offboard loss, and their defaults."""
-    read_loss: Callable[[Values, tuple[str, ...]], OffboardLoss] | None
-    """Offboard loss by the values of all of `loss_defaults`, and the names never reported."""
-    failsafe_defaults: Values
-    """Parameters that decide its failsafe actions, and their defaults."""
+    parameters: ParameterTable
+    """Their names and units in each release, and what counts while one is not reported."""
+    loss_parameters: tuple[str, ...]
+    """Keys of the parameters that decide the flight after an offboard loss. They must be known
+    before the companion takes control."""
+    read_loss: Callable[[Values, Parameters], OffboardLoss] | None
+    """Offboard loss by the values of all of `loss_parameters`; their names for texts."""
+    failsafe_parameters: tuple[str, ...]
+    """Keys of the parameters that decide its failsafe actions."""
     read_failsafes: Callable[[Values], Iterable[FailsafeAction]] | None
-    """Failsafe actions in its own mode by the values of all of `failsafe_defaults`."""
+    """Failsafe actions in its own mode by the values of all of `failsafe_parameters`."""
     fence_parameters: tuple[str, ...]
-    read_fence: Callable[[Values, tuple[Area, ...], tuple[str, ...], bool], Fence] | None
-    """Fence by the values of all of `fence_parameters` (0 for those never reported), the uploaded
-    areas, the names never reported, and whether SYS_STATUS reports a fence."""
+    read_fence: Callable[[Values, tuple[Area, ...], bool], Fence] | None
+    """Fence by the values of all of `fence_parameters`, the uploaded areas, and whether SYS_STATUS
+    reports a fence."""
     rules: tuple[Rule, ...]
     """Rules by which `check` judges its parameters, in the order of the report."""
 
-    @property
-    def loss_parameters(self) -> tuple[str, ...]:
-        """Parameters that must be known before the companion takes control."""
-        return tuple(self.loss_defaults)
+    def is_newer(self, firmware: Firmware) -> bool:
+        """True for a release whose names of parameters are not known."""
+        return firmware.version[:2] > self.newest_release
 
     @property
-    def failsafe_parameters(self) -> tuple[str, ...]:
-        """Parameters that decide its failsafe actions."""
-        return tuple(self.failsafe_defaults)
+    def assumed_release(self) -> Release:
+        """Release whose names are tried first, where the autopilot does not report its version."""
+        return (*max(self.measured_releases, default=(0, 0)), 0)
 
     @property
     def holding_parameters(self) -> tuple[str, ...]:
         """Parameters of its lean limit and hover thrust."""
-        names = (*(name for name, _ in self.tilt_limits), self.hover_thrust)
-        return tuple(name for name in names if name is not None)
+        return (*self.tilt_limits, *filter(None, (self.hover_thrust,)))
 
     @property
     def gnss_parameters(self) -> tuple[str, ...]:
         """Parameters that select one of two receivers for navigation."""
         return tuple(name for name in (self.gnss_switch, self.gnss_primary) if name is not None)
 
+    @property
+    def flight_parameters(self) -> tuple[str, ...]:
+        """Keys of all parameters on which a flight depends, each once."""
+        keys = (
+            *self.loss_parameters,
+            *self.fence_parameters,
+            *self.failsafe_parameters,
+            *self.holding_parameters,
+        )
+        return tuple(dict.fromkeys(keys))
+
     def with_silence(self, parameters: Parameters) -> Parameters:
-        """Parameters, with None (never reported) for those of this profile that are awaited."""
-        names = (*self.loss_defaults, *self.failsafe_defaults, *self.fence_parameters)
-        return {**dict.fromkeys(names), **parameters}
+        """Parameters, with None (never reported) for those of a flight that are awaited."""
+        return parameters.with_silence(self.flight_parameters)
+
+    def unreported(self, parameters: Parameters) -> Unreported:
+        """Parameters of a flight that were never reported.
+
+        Firmware can be built without a fence: it has none of the fence's parameters.
+        """
+        silent = [key for key in self.flight_parameters if parameters.get(key, 0.0) is None]
+        no_fence = len(silent) < len(self.flight_parameters) and set(self.fence_parameters) <= set(
+            silent
+        )
+        denying = [
+            key
+            for key in silent
+            if self.parameters.row(key).cautious is None
+            and not (no_fence and key in self.fence_parameters)
+        ]
+        return Unreported(names=parameters.shown(silent), denying=parameters.shown(denying))
 
     def offboard_loss(self, parameters: Parameters) -> OffboardLoss | None:
         """Flight after an offboard loss; None while a parameter is awaited, or if unknown.
 
-        A parameter that was never reported has the autopilot's default, and is in `unreported`.
+        A parameter that was never reported counts as `unreported` says.
         """
-        known = _values(self.loss_defaults, parameters)
-        return None if known is None or self.read_loss is None else self.read_loss(*known)
+        values = self._values(self.loss_parameters, parameters)
+        if values is None or self.read_loss is None:
+            return None
+        return self.read_loss(values, parameters)
 
     def failsafes(self, parameters: Parameters) -> Failsafes | None:
         """Failsafe actions; None while a parameter is awaited, or if unknown.
 
-        A parameter that was never reported has the autopilot's default, and is in `unreported`.
+        A parameter that was never reported counts as `unreported` says.
         """
-        known = _values(self.failsafe_defaults, parameters)
-        if known is None or self.read_failsafes is None:
+        values = self._values(self.failsafe_parameters, parameters)
+        if values is None or self.read_failsafes is None:
             return None
-        values, unreported = known
-        return Failsafes(actions=tuple(self.read_failsafes(values)), unreported=unreported)
+        return Failsafes(actions=tuple(self.read_failsafes(values)))
 
     def fence(
         self, parameters: Parameters, items: Iterable[FenceItem], *, enabled: bool = False
     ) -> Fence | None:
         """Fence; None while a parameter is awaited, or if unknown.
 
-        enabled: True if SYS_STATUS reports a fence. The limit of a parameter that was never
-        reported is unknown: it is in `unreported`, unless it is that of the action.
+        enabled: True if SYS_STATUS reports a fence. A parameter that was never reported counts as
+        `unreported` says; a firmware with none of them has no limits but the uploaded areas.
         """
-        names = self.fence_parameters
-        if self.read_fence is None or any(name not in parameters for name in names):
+        keys = self.fence_parameters
+        values = self._values(keys, parameters)
+        if values is None or self.read_fence is None:
             return None
-        silent = tuple(name for name in names if parameters[name] is None)
-        unreported = tuple(name for name in silent if not name.endswith("_ACTION"))
-        values = {name: parameters[name] or 0.0 for name in names}
-        return self.read_fence(values, areas_of(items), unreported, enabled)
+        if all(parameters[key] is None for key in keys):
+            return Fence(areas=areas_of(items))
+        return self.read_fence(values, areas_of(items), enabled)
 
-
-def _values(
-    defaults: Values, parameters: Parameters
-) -> tuple[dict[str, float], tuple[str, ...]] | None:
-    """Values with the defaults for those never reported, and their names; None: some awaited."""
-    if not defaults.keys() <= parameters.keys():
-        return None
-    reported = {name: value for name in defaults if (value := parameters[name]) is not None}
-    return {**defaults, **reported}, tuple(name for name in defaults if name not in reported)
+    def _values(self, keys: tuple[str, ...], parameters: Parameters) -> Values | None:
+        """Values; None while one is awaited."""
+        if any(key not in parameters for key in keys):
+            return None
+        return self.parameters.values(keys, parameters)

@@ -1,5 +1,7 @@
 """PX4: its modes, messages, failsafes, fence, frame and flight, and the rules of check.
 
+Names of parameters and their ranges: v1.14 to v1.17, and v1.18.0-beta1 (`param_translation.cpp`).
+
 Sources: PX4 v1.17, "Safety configuration (failsafes)" and the parameters' descriptions;
 `px4_custom_mode.h`; `geo.h` (CONSTANTS_RADIUS_OF_EARTH);
 `src/modules/commander/failsafe/failsafe.cpp` (fromNavDllOrRclActParam,
@@ -19,6 +21,7 @@ from ..types import AutopilotKind, GeodeticPoint, Vector
 from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
+from .parameter_names import Name, Parameter, Parameters, ParameterTable, keys
 from .parameter_rules import (
     CLIMBING,
     CLIMBS,
@@ -32,7 +35,6 @@ from .parameter_rules import (
     Reaction,
     Rule,
     Verdict,
-    bits,
     excepted,
     excepts_us,
     reaction,
@@ -46,24 +48,60 @@ from .profile import Profile
 KIND = AutopilotKind("px4")
 NAME = "PX4"
 
-DEFAULTS = {
-    "BAT_CRIT_THR": 0.07,
-    "BAT_EMERGEN_THR": 0.05,
-    "COM_DLL_EXCEPT": 0.0,
-    "COM_LOW_BAT_ACT": 0.0,
-    "COM_OBL_RC_ACT": 0.0,
-    "COM_RCL_EXCEPT": 0.0,
-    "NAV_ACC_RAD": 2.0,
-    "NAV_DLL_ACT": 0.0,
-    "NAV_RCL_ACT": 2.0,
-    "RTL_CONE_ANG": 45.0,
-    "RTL_MIN_DIST": 10.0,
-    "RTL_RETURN_ALT": 30.0,
-    "RTL_TYPE": 0.0,
-}
-"""Parameters and their defaults in v1.17; RTL_RETURN_ALT from `init.d/rc.mc_defaults`."""
+_ACTION = Parameter("COM_OBL_RC_ACT", 0.0)  # as the actions below
+_WITHOUT_STICKS = Parameter("NAV_RCL_ACT", 2.0)
+_RETURN = (
+    # A return that climbs higher passes over some obstacles and hits others.
+    Parameter("NAV_ACC_RAD", 2.0),
+    Parameter("RTL_CONE_ANG", 45.0),
+    Parameter("RTL_MIN_DIST", 10.0),
+    Parameter("RTL_RETURN_ALT", 30.0),  # of `init.d/rc.mc_defaults`
+    Parameter("RTL_TYPE", 0.0),
+)
+_LOSS = (
+    _ACTION,
+    Parameter("MPC_ACC_HOR", 3.0, 2.0),  # the softest braking of its range
+    # By their ranges they may be almost 0: the aircraft would stop after minutes.
+    Parameter("MPC_XY_P", 0.95),
+    Parameter("MPC_Z_P", 1.0),
+    _WITHOUT_STICKS,
+    *_RETURN,
+)
+"""Parameters of the flight after an offboard loss, with the defaults of v1.17."""
+_FAILSAFES = (
+    Parameter("BAT_CRIT_THR", 0.07, 0.5),  # the earliest of their ranges
+    Parameter("BAT_EMERGEN_THR", 0.05, 0.5),
+    Parameter("COM_DLL_EXCEPT", 0.0, 0.0, (Name("COM_DLL_EXCEPT", (1, 16, 0)),), 0.0),  # no
+    Parameter("COM_RCL_EXCEPT", 0.0, 0.0),  # exception: each loss acts
+    # Actions: a landing and a return hit different obstacles, none is the worst one.
+    Parameter("COM_LOW_BAT_ACT", 0.0),
+    _ACTION,
+    Parameter("NAV_DLL_ACT", 0.0),
+    _WITHOUT_STICKS,
+    *_RETURN,
+)
+_FENCE = (
+    Parameter("GF_ACTION", 2.0, 2.0),  # the hold, which overrides a LAND outside
+    # The limits themselves: one nearer than any value that is assumed would be crossed.
+    Parameter("GF_MAX_HOR_DIST", 0.0),
+    Parameter("GF_MAX_VER_DIST", 0.0),
+    Parameter("GF_SOURCE", 0.0, 1.0),  # the receiver's position, which has more error
+)
+_HOLDING = (
+    # The least lean and the weakest motors of their ranges: the least wind that is held.
+    Parameter("MPC_TILTMAX_AIR", 45.0, 20.0),
+    Parameter("MPC_THR_HOVER", 0.5, 0.8),
+)
+_STICKS = "COM_RC_OVERRIDE"
+_CHECKED = (
+    # Read by `check` alone, which judges no value that is not reported. Other unit and meaning:
+    # the judge distinguishes them by the name.
+    Parameter("MAN_OVERRIDE_SPD", 1.0, None, (Name("MAN_OVERRIDE_SPD", (1, 18, 0)), Name(_STICKS))),
+)
 _DRIFT_M = 4.5
 """Drift after the loss of GPS in OFFBOARD until landing; measured on v1.17."""
+_STICKS_BIT = 2
+"""Bit of COM_RC_OVERRIDE: in OFFBOARD."""
 _OFFBOARD_BIT = 4
 """Bit of COM_RCL_EXCEPT and COM_DLL_EXCEPT."""
 _OFFBOARD_LOSS: dict[int, tuple[AutopilotAction | None, str]] = {
@@ -104,19 +142,6 @@ _FENCE_REACTIONS = {
 """GF_ACTION: the reaction, and the fence's text."""
 _LIMIT_REACTIONS = {value: row for value, (row, _) in _FENCE_REACTIONS.items()}
 """GF_ACTION, COM_WIND_MAX_ACT; and of these 0, 1 and 3 COM_FLTT_LOW_ACT."""
-_LOSS_DEFAULTS = {
-    "COM_OBL_RC_ACT": DEFAULTS["COM_OBL_RC_ACT"],
-    "MPC_ACC_HOR": 3.0,
-    "MPC_XY_P": 0.95,
-    "MPC_Z_P": 1.0,
-    "NAV_ACC_RAD": DEFAULTS["NAV_ACC_RAD"],
-    "NAV_RCL_ACT": DEFAULTS["NAV_RCL_ACT"],
-    "RTL_CONE_ANG": DEFAULTS["RTL_CONE_ANG"],
-    "RTL_MIN_DIST": DEFAULTS["RTL_MIN_DIST"],
-    "RTL_RETURN_ALT": DEFAULTS["RTL_RETURN_ALT"],
-    "RTL_TYPE": DEFAULTS["RTL_TYPE"],
-}
-"""Parameters of the flight after an offboard loss, and their defaults in v1.17."""
 _OVERSHOOT = 1.2
 """Factor of v / MPC_XY_P: the controller's integral contains the drag of the flight."""
 _SWITCH_S2PM = 0.1
@@ -233,7 +258,7 @@ def _loss_action(value: Mapping[str, float]) -> AutopilotAction:
     return action
 
 
-def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLoss:
+def _loss(value: Mapping[str, float], _: Parameters) -> OffboardLoss:
     """Offboard loss: PX4 holds the last point with its velocity as feed-forward.
 
     It comes to rest v / MPC_XY_P beyond; where COM_OF_LOSS_T ends before that, it brakes at
@@ -251,16 +276,10 @@ def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLo
         stopping_s2pm=_SWITCH_S2PM + 0.5 / brakes_mps2 - 0.5 / _HARD_MPS2,
         home=Px4Return.of(value),
         unknown_return="RTL_TYPE is not 0",
-        unreported=unreported,
     )
 
 
-def _fence(
-    values: Mapping[str, float],
-    areas: tuple[Area, ...],
-    unreported: tuple[str, ...],
-    _enabled: bool,
-) -> Fence:
+def _fence(values: Mapping[str, float], areas: tuple[Area, ...], _enabled: bool) -> Fence:
     action = int(values["GF_ACTION"])
     return Fence(
         circle=limit(values, "GF_MAX_HOR_DIST", on=values["GF_MAX_HOR_DIST"] > 0.0),
@@ -269,12 +288,11 @@ def _fence(
         action=_FENCE_REACTIONS.get(action, _FENCE_REACTIONS[1])[1],
         overrules_land=action == _FENCE_HOLD,
         source_gnss="GF_SOURCE" if values["GF_SOURCE"] == 1.0 else "",
-        unreported=unreported,
     )
 
 
 def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
-    """Yields PX4's failsafe actions in OFFBOARD, by the values of all parameters of DEFAULTS."""
+    """Yields PX4's failsafe actions in OFFBOARD, by the values of all of _FAILSAFES."""
     home = Px4Return.of(value)
     battery = int(value["COM_LOW_BAT_ACT"])
     critical = _LOW_BATTERY.get(battery, NOTHING).action
@@ -347,6 +365,18 @@ def _companion_loss(value: float, case: Case) -> Verdict:
     return level, f"{value:g} ({word}{_THEREFORE.get(action, '')})"
 
 
+def _by_bits(case: Case) -> bool:
+    """True before v1.18, where a mask has the modes in which the sticks take over."""
+    return case.parameters.called("MAN_OVERRIDE_SPD").name == _STICKS
+
+
+def _take_over(value: float, case: Case) -> Verdict:
+    if int(value) & _STICKS_BIT if _by_bits(case) else value >= 0.0:
+        return Level.OK, f"{value:g} (in OFFBOARD, too)"
+    words = "not in OFFBOARD, where only the mode switch takes over"
+    return Level.WARNING, f"{value:g} ({words})"
+
+
 _RULES = (
     Rule(
         parameter="COM_OF_LOSS_T",
@@ -362,14 +392,10 @@ _RULES = (
         unknown=Level.NO_GO,
     ),
     Rule(
-        parameter="COM_RC_OVERRIDE",
-        judge=bits(
-            0b10,
-            clear=(Level.WARNING, "not in OFFBOARD, where only the mode switch takes over"),
-            is_set=(Level.OK, "in OFFBOARD, too"),
-        ),
+        parameter="MAN_OVERRIDE_SPD",
+        judge=_take_over,
         meaning="take-over by the sticks",
-        remedy="set 3",
+        remedy=lambda case: "set 3" if _by_bits(case) else "set 1",
     ),
     excepts_us("COM_RCL_EXCEPT", "remote control", "OFFBOARD"),
     Rule(
@@ -466,6 +492,7 @@ PROFILE = Profile(
     name=NAME,
     mav_autopilot=12,
     measured_releases=((1, 17), (1, 18)),
+    newest_release=(1, 18),
     oldest_release=(1, 14),
     mode_name=mode_name,
     mode_enums={},
@@ -510,13 +537,14 @@ PROFILE = Profile(
     stray_s2=0.58,
     landing_mps=0.7,  # MPC_LAND_SPEED
     landed_hover_s=5.0,  # the motors stop after 8 s
-    tilt_limits=(("MPC_TILTMAX_AIR", 1.0),),
+    tilt_limits=("MPC_TILTMAX_AIR",),
     hover_thrust="MPC_THR_HOVER",
-    loss_defaults=_LOSS_DEFAULTS,
+    parameters=ParameterTable((*_LOSS, *_FAILSAFES, *_FENCE, *_HOLDING, *_CHECKED)),
+    loss_parameters=keys(_LOSS),
     read_loss=_loss,
-    failsafe_defaults=DEFAULTS,
+    failsafe_parameters=keys(_FAILSAFES),
     read_failsafes=_actions,
-    fence_parameters=("GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST", "GF_SOURCE"),
+    fence_parameters=keys(_FENCE),
     read_fence=_fence,
     rules=_RULES,
 )

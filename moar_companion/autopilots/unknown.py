@@ -7,6 +7,7 @@ setpoints. The actions of failsafes and after an offboard loss are unknown.
 from __future__ import annotations
 
 from ..types import AutopilotKind
+from .parameter_names import ParameterTable
 from .profile import Profile
 from .px4 import to_local_ned
 
@@ -17,6 +18,7 @@ PROFILE = Profile(
     name="an unknown autopilot",
     mav_autopilot=None,
     measured_releases=(),
+    newest_release=(0, 0),
     oldest_release=(0, 0),
     mode_name=lambda _: None,
     mode_enums={},
@@ -53,9 +55,10 @@ PROFILE = Profile(
     landed_hover_s=5.0,
     tilt_limits=(),
     hover_thrust=None,
-    loss_defaults={},
+    parameters=ParameterTable(),
+    loss_parameters=(),
     read_loss=None,
-    failsafe_defaults={},
+    failsafe_parameters=(),
     read_failsafes=None,
     fence_parameters=(),
     read_fence=None,

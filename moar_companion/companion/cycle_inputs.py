@@ -211,6 +211,7 @@ class CycleInputs:
             excursion=flight.excursion(pose) if flight is not None and pose is not None else None,
             plan_awaited_s=self._routes.awaited_for_s(now_s),
             fence_silent=self._session.requests.fence_silent,
+            parameters_unknown=self._routes.limits.unreported.denying,
             escape_route=escape_route,
             exposure=self._exposure(status, escape_route, now_s),
             host=host,

@@ -6,10 +6,12 @@ against the active flight.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
+from .. import pilot_texts
+from ..autopilots import profile
+from ..autopilots.parameter_names import Parameters
+from ..autopilots.profile import Unreported
 from ..config import CompanionConfig
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import SiteMaps
@@ -20,6 +22,7 @@ from ..mavlink.session import Session, Severity
 from ..planner.plane_fence import PlaneFence
 from ..power import PowerModel
 from ..safety.failsafe_exposure import FailsafeExposure
+from ..text_format import plural
 from ..types import AutopilotKind, Vector
 from ..vehicle import Vehicle
 from .offboard_loss_check import OffboardLossCheck
@@ -38,6 +41,8 @@ class FlightLimits:
         self._config = config
         self._reports = reports
         self._fences = SiteFence(None, config.supervision.fence_margin_m)
+        self.unreported = Unreported()
+        """Parameters that the autopilot never reported."""
         self.fence: PlaneFence | None = None
         """Part of the autopilot's fence that cuts the site: plans stay inside."""
         self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
@@ -102,27 +107,22 @@ class FlightLimits:
         if session.autopilot is None:
             return
         kind, parameters = session.autopilot.kind, session.requests.parameters
+        self._learn_unreported(kind, parameters, now_s)
         self.offboard_loss.learn(kind, parameters, home_m, flight, now_s)
-        self._learn_fence(session, home_m, flight, now_s)
-        self._learn_failsafes(session, kind, parameters, home_m, flight, now_s)
+        self._learn_fence(session, home_m, flight)
+        if self.watch.learn(kind, parameters, home_m, session.telemetry):
+            self.offboard_loss.reconsider(flight)
 
     def _learn_fence(
-        self,
-        session: Session,
-        home_m: Vector | None,
-        flight: PathFollower | None,
-        now_s: float,
+        self, session: Session, home_m: Vector | None, flight: PathFollower | None
     ) -> None:
-        """Takes the autopilot's fence; reports once the fence parameters that were never received.
-
-        An uploaded fence that the autopilot does not report counts as none.
-        """
+        """Takes the autopilot's fence. An uploaded one that it does not report counts as none."""
         assert session.autopilot is not None
         requests, readiness = session.requests, session.telemetry.readiness
         items = requests.fence_items
         if items is None and requests.fence_silent:
             items = ()
-        before, assumption = self._fences.plane, self._fences.assumption
+        before = self._fences.plane
         self._fences.learn(
             session.autopilot.kind,
             requests.parameters,
@@ -131,8 +131,6 @@ class FlightLimits:
             enabled=readiness is not None and readiness.fence_enabled,
         )
         plane = self._fences.plane
-        if self._fences.assumption and self._fences.assumption != assumption:
-            self._reports.send_text(Severity.WARNING, self._fences.assumption, now_s)
         if self.site_maps is None or plane == before:
             return
         height_m = self._vehicle.guidance.landing_height_m
@@ -140,24 +138,18 @@ class FlightLimits:
         if flight is not None:
             flight.learn_fence(plane)
 
-    def _learn_failsafes(
-        self,
-        session: Session,
-        kind: AutopilotKind,
-        parameters: Mapping[str, float | None],
-        home_m: Vector | None,
-        flight: PathFollower | None,
-        now_s: float,
-    ) -> None:
-        """Takes the autopilot's failsafes; later plans avoid places where one would hit."""
-        before = self.watch.unreported
-        if not self.watch.learn(kind, parameters, home_m, session.telemetry):
+    def _learn_unreported(self, kind: AutopilotKind, parameters: Parameters, now_s: float) -> None:
+        """Reports the parameters that the autopilot never sent, once none is awaited any more."""
+        known = profile(kind)
+        if any(key not in parameters for key in known.flight_parameters):
             return
-        self.offboard_loss.reconsider(flight)
-        if self.watch.unreported != before:
-            self._reports.record(
-                "failsafes", now_s, taken_as_by_default=list(self.watch.unreported)
+        before, self.unreported = self.unreported, known.unreported(parameters)
+        names = self.unreported.names
+        if names and names != before.names:
+            text = pilot_texts.UNREPORTED(
+                count=len(names), plural=plural(len(names)), detail=", ".join(names)
             )
+            self._reports.send_text(Severity.WARNING, text, now_s)
 
     def fence_objection(self, flight: PathFollower | None, pose: Pose | None) -> str | None:
         """Reason against the active flight by the autopilot's present fence; None if there is none.

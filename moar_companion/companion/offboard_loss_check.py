@@ -6,13 +6,13 @@ refuse a plan or to hold, and warnings for operators.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 from .. import pilot_texts
 from ..autopilots import profile
 from ..autopilots.failsafe_actions import LINKS, Failsafes
 from ..autopilots.offboard_loss import OffboardLoss
+from ..autopilots.parameter_names import Parameters
 from ..config import LossCheck, Supervision
 from ..estimation.pose import home_moved
 from ..estimation.pose_tracker import SiteMaps
@@ -51,21 +51,16 @@ class OffboardLossCheck:
     def learn(
         self,
         kind: AutopilotKind,
-        parameters: Mapping[str, float | None],
+        parameters: Parameters,
         home_m: Vector | None,
         flight: PathFollower | None,
         now_s: float,
     ) -> None:
-        """Takes the autopilot's parameters and home; checks the current flight or hold by them.
-
-        Reports the parameters that the autopilot never sent.
-        """
+        """Takes the autopilot's parameters and home; checks the current flight or hold by them."""
         before, self.loss = self.loss, profile(kind).offboard_loss(parameters)
         if self.loss is None:
             return
         if self.loss != before:
-            if self.loss.assumption:
-                self._reports.send_text(Severity.WARNING, self.loss.assumption, now_s)
             if flight is not None:
                 flight.learn_loss(self.loss)
         elif not home_moved(home_m, self._home_m):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
 
+from ..autopilots.parameter_names import Parameters
 from ..contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
 from ..contingency.route_cost import EnergyForecast
 from ..estimation.pose_tracker import grounded
@@ -109,7 +109,7 @@ class RiskMonitor:
     def judge(
         self,
         telemetry: Telemetry,
-        parameters: Mapping[str, float | None],
+        parameters: Parameters,
         tracking_error_m: float | None,
         now_s: float,
     ) -> None:

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 
 from ..autopilots import profile
 from ..autopilots.fence import Area, Fence, Limit
+from ..autopilots.parameter_names import Parameters
 from ..frames import SiteFrame
 from ..planner.plane_fence import Bound, Interval, PlaneFence
 from ..site import Site
@@ -49,8 +50,6 @@ class SiteFence:
         """In the site's plane; None where there is no fence, or none is known."""
         self.not_ready_reason: str | None = _UNREAD
         """Reason why no mission can start; None once the fence's place is known."""
-        self.assumption: str | None = None
-        """Text about unreported parts of the fence; None: all reported, or still requested."""
 
     @property
     def is_placed(self) -> bool:
@@ -60,7 +59,7 @@ class SiteFence:
     def learn(
         self,
         kind: AutopilotKind,
-        parameters: Mapping[str, float | None],
+        parameters: Parameters,
         items: tuple[FenceItem, ...] | None,
         home_m: Vector | None,
         *,
@@ -86,7 +85,6 @@ class SiteFence:
         if fence is None:
             return
         self._home_m = home_m
-        self.assumption = fence.assumption
         if fence.about_home and home_m is None:
             if fence != self._placed:
                 self.not_ready_reason = _NO_HOME

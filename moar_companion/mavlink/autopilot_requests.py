@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from ..autopilots import profile
+from ..autopilots.parameter_names import Parameters
 from ..autopilots.profile import Profile
 from ..telemetry import FenceItem
 from . import fence_download, translate_outgoing
@@ -30,6 +31,9 @@ _AUTOPILOT_VERSION = int(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 _PARAM_VALUE = int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE)
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 _HEARTBEAT_PERIOD_S = 1.0
+_VERSION_PERIOD_S = 1.0
+_MOST_VERSION_REQUESTS = 10
+"""Both autopilots answer the first that arrives."""
 
 MESSAGE_IDS: frozenset[int] = fence_download.MESSAGE_IDS | {_PARAM_VALUE}
 """Messages that are read as answers alone, not as telemetry."""
@@ -59,15 +63,16 @@ class AutopilotRequests:
         self._parameters = ParameterRequests()
         self._fence: FenceDownload | None = None
         self._round_trips = TimesyncRtt()
-        self._identify_s = -math.inf
+        self._identify_s = self._version_s = -math.inf
+        self._version_requests = 0
         self._link: str | None = None
         """Link for which the rates were started."""
         self.unidentified: tuple[str, tuple[int, int]] | None = None
         """Link and ids of a received autopilot without a heartbeat so far."""
 
     @property
-    def parameters(self) -> Mapping[str, float | None]:
-        """Parameters requested by `want_parameters`, by name; None: never reported."""
+    def parameters(self) -> Parameters:
+        """Parameters requested by `want_parameters`, by key; None: never reported."""
         return self._parameters.values
 
     @property
@@ -102,18 +107,13 @@ class AutopilotRequests:
         self.want_parameters(known.failsafe_parameters)
         self.want_parameters(known.holding_parameters)
 
-    def request_version(self) -> None:
-        """Requests AUTOPILOT_VERSION once, if an autopilot is known."""
-        autopilot = self._receiver.autopilot
-        if autopilot is not None:
-            self._outbox.send_command(autopilot, _REQUEST_MESSAGE, _AUTOPILOT_VERSION)
-
     def start(self, autopilot: Autopilot, now_s: float) -> None:
         """Starts the requests of a found or restarted autopilot, with a heartbeat first."""
         self._start_rates(autopilot, now_s)
         self._places = OriginHomeRequests()
         self._round_trips = TimesyncRtt()
-        self._parameters.restart()
+        self._parameters.start(profile(autopilot.kind), now_s)
+        self._version_s, self._version_requests = -math.inf, 0
         if self._fence is not None:
             self._fence.restart()
         self._outbox.make_heartbeat_due(now_s)
@@ -198,7 +198,10 @@ class AutopilotRequests:
         place = self._places.next_request(telemetry, now_s)
         if place is not None:
             self._outbox.send_command(autopilot, _REQUEST_MESSAGE, place)
+        self._send_version_request(autopilot, now_s)
         known = profile(autopilot.kind)
+        if telemetry.firmware is not None:
+            self._parameters.learn_release(telemetry.firmware.version)
         if telemetry.second_gnss is not None:
             self._parameters.want(known.gnss_parameters)
         if telemetry.motors is not None:
@@ -210,6 +213,17 @@ class AutopilotRequests:
             asked = self._fence.next_request(target, now_s)
             if asked is not None:
                 self._outbox.send(link, asked)
+
+    def _send_version_request(self, autopilot: Autopilot, now_s: float) -> None:
+        """Requests AUTOPILOT_VERSION until it arrives: the names of parameters depend on it."""
+        if (
+            self._receiver.telemetry.firmware is None
+            and self._version_requests < _MOST_VERSION_REQUESTS
+            and now_s >= self._version_s + _VERSION_PERIOD_S
+        ):
+            self._version_s = now_s
+            self._version_requests += 1
+            self._outbox.send_command(autopilot, _REQUEST_MESSAGE, _AUTOPILOT_VERSION)
 
 
 def _on_serial_port(autopilot: Autopilot) -> bool:

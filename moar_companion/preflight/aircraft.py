@@ -148,15 +148,24 @@ def _firmware(received: ReceivedData) -> Finding:
         )
     release = firmware.version[:2]
     measured = " and ".join(f"{major}.{minor}" for major, minor in known.measured_releases)
+    shown = f"{known.name} {firmware}"
     if release in known.measured_releases:
-        return Finding(level=Level.OK, subject="firmware", text=str(firmware))
-    text = f"{firmware}; this program was tested with {measured or 'none of this kind'}"
+        return Finding(level=Level.OK, subject="firmware", text=shown)
+    text = f"{shown}; this program was tested with {measured or 'none of this kind'}"
     if release < known.oldest_release:
         return Finding(
             level=Level.WARNING,
             subject="firmware",
             text=text,
             remedy="its failsafes may differ: update it",
+        )
+    if known.is_newer(firmware):
+        newest = ".".join(map(str, known.newest_release))
+        return Finding(
+            level=Level.WARNING,
+            subject="firmware",
+            text=f"{text}, and knows the parameters up to {newest}",
+            remedy="its failsafes and parameters may differ: update this program",
         )
     return Finding(level=Level.NOTE, subject="firmware", text=text)
 

@@ -7,10 +7,11 @@ parameters and the version. It never sends a setpoint, a mode or a parameter.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 from ..autopilots import profile
+from ..autopilots.parameter_names import Parameters
 from ..autopilots.parameter_rules import Case, Rule
 from ..autopilots.profile import Profile
 from ..config import CompanionConfig, LossCheck
@@ -27,6 +28,7 @@ from ..risk import RiskEstimate, update
 from ..safety.check_inputs import CheckInputs
 from ..safety.checks import causes
 from ..safety.condition_types import Causes
+from ..telemetry import Firmware
 from ..vehicle import Vehicle
 from .aircraft import Arrivals, ReceivedData, aircraft_findings
 from .failsafes import failsafe_findings, loss_findings, objection_level
@@ -41,7 +43,6 @@ _COLLECTION_S = 6.0
 _MAX_COLLECTION_S = 20.0
 """Time after which data that has not arrived counts as unknown."""
 _RISK_PERIOD_S = 0.1
-_VERSION_PERIOD_S = 1.0
 
 _REFUSAL_REMEDIES = {
     SigningRefusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), "
@@ -51,31 +52,30 @@ _REFUSAL_REMEDIES = {
     "if both are right, the packets are a replay",
 }
 
-_NOT_REPORTED = "check again over a better link, or look it up in the ground station"
+_NOT_REPORTED = "look it up in the ground station; if it is there, check again over a better link"
 
 
 def _parameters(autopilot: Profile) -> tuple[str, ...]:
-    """Names of the parameters requested of an autopilot, each once."""
-    asked = (
-        *(rule.parameter for rule in autopilot.rules),
-        *autopilot.loss_parameters,
-        *autopilot.fence_parameters,
-        *autopilot.failsafe_parameters,
-        *autopilot.holding_parameters,
-    )
-    return tuple(dict.fromkeys(asked))
+    """Keys of the parameters requested of an autopilot, each once."""
+    ruled = (rule.parameter for rule in autopilot.rules)
+    return tuple(dict.fromkeys((*ruled, *autopilot.flight_parameters)))
 
 
 def parameter_findings(
     autopilot: Profile,
-    parameters: Mapping[str, float | None],
+    parameters: Parameters,
     vehicle: Vehicle,
     policy: LossCheck,
     *,
     ground_station_received: bool,
+    firmware: Firmware | None = None,
 ) -> list[Finding]:
-    """Returns one finding for each rule of the autopilot. policy: on an unsafe offboard loss."""
-    loss = autopilot.offboard_loss(autopilot.with_silence(parameters))
+    """Returns one finding for each rule of the autopilot, and for each other unknown parameter.
+
+    policy: on an unsafe offboard loss. firmware: None if its version is unknown.
+    """
+    parameters = autopilot.with_silence(parameters)
+    loss = autopilot.offboard_loss(parameters)
     if loss is None:
         return []
     speed = vehicle.speed
@@ -90,26 +90,64 @@ def parameter_findings(
         cells=vehicle.risk.cells,
         battery_full=vehicle.risk.battery_remaining.high,
     )
-    return [_parameter_finding(rule, case) for rule in autopilot.rules]
+    rules = {rule.parameter: rule for rule in autopilot.rules}
+    unread = _Unread(autopilot, parameters, firmware)
+    found = [
+        _judged(rule, case)
+        if parameters.get(key) is not None
+        else unread.finding(key, rule.unknown, rule.meaning)
+        for key, rule in rules.items()
+    ]
+    return found + [
+        unread.finding(key, Level.WARNING)
+        for key in autopilot.flight_parameters
+        if key not in rules and parameters[key] is None
+    ]
 
 
-def _parameter_finding(rule: Rule, case: Case) -> Finding:
-    value = case.parameters.get(rule.parameter)
-    if value is None:
-        return Finding(
-            level=rule.unknown,
-            subject=rule.parameter,
-            text=f"unknown, there is no such parameter or no answer: {rule.meaning}",
-            remedy="" if rule.unknown is Level.NOTE else _NOT_REPORTED,
-        )
+def _judged(rule: Rule, case: Case) -> Finding:
+    value = case.parameters[rule.parameter]
+    assert value is not None
     level, words = rule.judge(value, case)
     remedy = rule.remedy if isinstance(rule.remedy, str) else rule.remedy(case)
     return Finding(
         level=level,
-        subject=rule.parameter,
+        subject=case.parameters.called(rule.parameter).name,
         text=f"{words}: {rule.meaning}",
         remedy=remedy if level >= Level.WARNING else "",
     )
+
+
+class _Unread:
+    """Findings on parameters that were not reported."""
+
+    def __init__(
+        self, autopilot: Profile, parameters: Parameters, firmware: Firmware | None
+    ) -> None:
+        self._autopilot = autopilot
+        self._parameters = parameters
+        self._denying = autopilot.unreported(parameters).denying
+        newest = ".".join(map(str, autopilot.newest_release))
+        self._remedy = _NOT_REPORTED
+        if firmware is not None and autopilot.is_newer(firmware):
+            self._remedy = (
+                f"{autopilot.name} {firmware} may have another name for it than {newest}, the "
+                "newest that this program knows: update this program, or fly with that release"
+            )
+
+    def finding(self, key: str, level: Level, meaning: str = "") -> Finding:
+        """Returns the finding. level: at least; a no-go if no inspection begins without it."""
+        name = self._parameters.called(key).name
+        others = self._autopilot.parameters.other_names(key, name)
+        level = Level.NO_GO if name in self._denying else level
+        words = [f"unknown, not reported{''.join(f', nor as {other}' for other in others)}"]
+        words += [meaning] if meaning else []
+        return Finding(
+            level=level,
+            subject=name,
+            text=": ".join(words),
+            remedy="" if level is Level.NOTE else self._remedy,
+        )
 
 
 class Preflight:
@@ -148,7 +186,7 @@ class Preflight:
         self._received_bytes = 0
         self._began_s: float | None = None
         self._found_s: float | None = None
-        self._risk_due_s = self._version_due_s = -math.inf
+        self._risk_due_s = -math.inf
         self._now_s = 0.0
         self._done = False
 
@@ -203,9 +241,6 @@ class Preflight:
                 cruise_mps=self._vehicle.speed.horizontal_mps,
                 power=self._power,
             )
-        if session.telemetry.firmware is None and now_s >= self._version_due_s:
-            self._version_due_s = now_s + _VERSION_PERIOD_S
-            session.requests.request_version()
         collected_s = now_s - self._found_s
         self._done = collected_s >= (_COLLECTION_S if self._is_complete() else _MAX_COLLECTION_S)
 
@@ -245,6 +280,7 @@ class Preflight:
                 self._vehicle,
                 self._limits.loss_action,
                 ground_station_received=session.telemetry.ground_station is not None,
+                firmware=session.telemetry.firmware,
             ),
             *self._fence(known),
             held_wind_finding(autopilot.kind, parameters, self._vehicle, self._limits),

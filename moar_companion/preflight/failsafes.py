@@ -64,9 +64,6 @@ def failsafe_findings(
     if returns and failsafes.home_m is None:
         text = "home is unknown: of returns only the climb was checked"
         found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
-    if failsafes.unreported:
-        text = f"not reported, taken as default: {', '.join(failsafes.unreported)}"
-        found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
     return found
 
 
@@ -136,6 +133,4 @@ def loss_findings(
     if routes_by_target and not found:
         text = f"the autopilot would {loss.action.value}, no collision on any route of this site"
         found = [Finding(level=Level.OK, subject=LOSS_SUBJECT, text=text)]
-    if loss.assumption is not None:
-        found.append(Finding(level=Level.WARNING, subject=LOSS_SUBJECT, text=loss.assumption))
     return found

@@ -41,9 +41,6 @@ def fence_findings(
                 remedy="check again over a better link, or look it up in the ground station",
             )
         )
-    if fence.unreported:
-        text = f"{', '.join(fence.unreported)} not reported: their limits are not kept"
-        found.append(Finding(level=Level.WARNING, subject="fence parameters", text=text))
     if planner is None or not fence.names:
         return found
     if fence.about_home and home_m is None:

@@ -5,8 +5,9 @@ Inputs: the indices and the causes as the service has them, the findings on the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
+from ..autopilots.parameter_names import Parameters
 from ..config import Supervision
 from ..risk import IndexReport, RiskEstimate
 from ..risk.holding import held_wind_mps, lowered_limit_mps, tilt_limit
@@ -87,7 +88,7 @@ def _index(
 
 def held_wind_finding(
     kind: AutopilotKind,
-    parameters: Mapping[str, float | None],
+    parameters: Parameters,
     vehicle: Vehicle,
     limits: Supervision,
 ) -> Finding:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..autopilots import PROFILES, profile
 from ..autopilots.offboard_loss import OffboardLoss
+from ..autopilots.parameter_names import Parameters
 from ..errors import InputError
 from ..estimation.pose import Pose
 from ..guidance.flight_volume import FlightVolume
@@ -50,7 +51,7 @@ class SiteRoute:
             return 0.0
         kind = planner.vehicle.autopilot
         autopilots = PROFILES.values() if kind is None else (profile(kind),)
-        losses = (item.offboard_loss(item.with_silence({})) for item in autopilots)
+        losses = (item.offboard_loss(Parameters(item.parameters.defaults)) for item in autopilots)
         return max(self._flown_s(planner, loss) for loss in losses if loss is not None)
 
     def _flown_s(self, planner: Planner, loss: OffboardLoss) -> float:

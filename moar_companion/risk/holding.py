@@ -9,9 +9,9 @@ carry. Inputs: the autopilot's parameters, the vehicle's risk model, telemetry.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from ..autopilots import profile
+from ..autopilots.parameter_names import Parameters
 from ..risk_model import RiskModel
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
@@ -28,19 +28,22 @@ _MARGIN = 0.8
 """Usable fraction of the held wind; the rest is for gusts and to regain the position."""
 
 
-def tilt_limit(
-    kind: AutopilotKind, parameters: Mapping[str, float | None], model: RiskModel
-) -> tuple[float, str]:
-    """Greatest lean in rad, and the parameter or key that sets it."""
+def tilt_limit(kind: AutopilotKind, parameters: Parameters, model: RiskModel) -> tuple[float, str]:
+    """Greatest lean in rad, and the parameter or key that sets it.
+
+    A parameter that was never reported counts with its most cautious value; none is awaited.
+    """
     limit_rad, source = model.tilt_rad.high, "risk.tilt_deg"
     autopilot = profile(kind)
-    for name, degrees in autopilot.tilt_limits:
-        value = parameters.get(name)
-        if value is not None and value > 0.0:
-            limit_rad, source = math.radians(degrees * value), name
+    known = autopilot.parameters.values(
+        [key for key in autopilot.holding_parameters if key in parameters], parameters
+    )
+    for key in autopilot.tilt_limits:
+        if known.get(key, 0.0) > 0.0:
+            limit_rad, source = math.radians(known[key]), parameters.called(key).name
             break
     hover_thrust = autopilot.hover_thrust
-    thrust = None if hover_thrust is None else parameters.get(hover_thrust)
+    thrust = None if hover_thrust is None else known.get(hover_thrust)
     if hover_thrust is not None and thrust is not None and 0.0 < thrust < _THRUST_SHARE:
         carried_rad = math.acos(thrust / _THRUST_SHARE)
         if carried_rad < limit_rad:

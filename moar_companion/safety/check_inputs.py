@@ -70,7 +70,7 @@ class CheckInputs:
     room_m: from the hull to the nearest keep-out. widening_m: required inflation of keep-outs.
     azimuth_rad: of +x, from north. misread: text for a wrong number of cells in the vehicle file.
     plan_awaited_s: wait for a new inspection plan. fence_silent: the autopilot does not report its
-    uploaded fence.
+    uploaded fence. parameters_unknown: never reported, and without a most cautious value.
     """
 
     telemetry: Telemetry
@@ -101,6 +101,7 @@ class CheckInputs:
     excursion: str | None = None
     plan_awaited_s: float | None = None
     fence_silent: bool = False
+    parameters_unknown: tuple[str, ...] = ()
     escape_route: EscapeRoute | None = None
     exposure: str | None = None
     """Reason to leave before an autopilot failsafe acts; None if there is none."""

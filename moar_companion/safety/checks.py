@@ -76,6 +76,7 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         off_plane=position_checks.off_plane(seen, limits),
         not_hovering=position_checks.not_hovering(seen),
         offboard_loss_unknown=faults.offboard_loss_unknown,
+        parameter_unknown=_parameter_unknown(seen),
         offboard_loss_collision=faults.offboard_loss_collision,
         battery_silent=energy_checks.battery_silent(seen, now_s),
         disk=_free("disk", seen.host.disk_free, limits.disk_free_mb),
@@ -115,6 +116,11 @@ def _not_flying(telemetry: Telemetry, now_s: float) -> str | None:
     known = landed is not None and now_s - landed.received_s <= LANDED_TIMEOUT_S
     words = {LandedState.LANDING: "landing", LandedState.TAKEOFF: "taking off"}
     return words.get(landed.state, _GROUNDED) if landed is not None and known else _GROUNDED
+
+
+def _parameter_unknown(seen: CheckInputs) -> str | None:
+    names = seen.parameters_unknown
+    return listed("unread", names, reason_chars("rejected")) if names else None
 
 
 def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:

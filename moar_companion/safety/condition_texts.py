@@ -178,6 +178,10 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "autopilot's fence not read yet",
         "fence about home, home unknown",
     ),
+    "parameter_unknown": (
+        "unread: {GUID_TIMEOUT|RTL_CLIMB_MIN_M}",
+        "unread: {GUID_TIMEOUT|COM_OBL_RC_ACT} and {3|12} more",
+    ),
     "battery_silent": (
         "battery {0|255} is silent for {16|9999} s",
         "battery {0|255} reports no charge",

@@ -100,6 +100,7 @@ class Causes:
     off_plane: str | None = None
     not_hovering: str | None = None
     offboard_loss_unknown: str | None = None
+    parameter_unknown: str | None = None
     battery_silent: str | None = None
     disk: str | None = None
     not_flying: str | None = None

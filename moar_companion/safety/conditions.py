@@ -355,6 +355,13 @@ CONDITIONS = (
         action=Action.CONTINUE,
     ),
     Condition(
+        name="parameter_unknown",
+        starts="the autopilot does not report a parameter on which the flight depends, and no "
+        "value of it is the most cautious one",
+        action=Action.CONTINUE,
+        override=Override.SAFER,
+    ),
+    Condition(
         name="energy_low_soon",
         starts="the better escape route would leave at most a minute more than `reserve_s`",
         action=Action.CONTINUE,

@@ -9,7 +9,7 @@ where an action without a forecast would hit one. Pure.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -25,6 +25,7 @@ from ..autopilots.failsafe_actions import (
     Failsafes,
     Trigger,
 )
+from ..autopilots.parameter_names import Parameters
 from ..config import Supervision
 from ..estimation.pose import home_moved
 from ..planner.free_distance import FreeDistance
@@ -71,15 +72,10 @@ class FailsafeExposure:
         self.failsafes = NO_FAILSAFES
         """Failsafes that move the aircraft; RC loss counts only once RC was received."""
 
-    @property
-    def unreported(self) -> tuple[str, ...]:
-        """Parameters that the autopilot never reported, taken at their defaults."""
-        return self._all.unreported
-
     def learn(
         self,
         kind: AutopilotKind,
-        parameters: Mapping[str, float | None],
+        parameters: Parameters,
         home_m: Vector | None,
         telemetry: Telemetry,
     ) -> bool:

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sitl.ardupilot.parameters import parameters
+from sitl.ardupilot.parameters import FIRMWARE, parameters
 from sitl.ardupilot.vehicle import ArduPilotManner
 from sitl.battery import BatteryOptions
 from sitl.manner import Kind
@@ -21,6 +21,7 @@ KIND: Final = Kind(
         reports_current=True,
     ),
     estimate_noise=0.35,
+    firmware=FIRMWARE,
     parameters=parameters,
     start=ArduPilotManner,
 )

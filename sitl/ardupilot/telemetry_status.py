@@ -11,7 +11,7 @@ from sitl.ardupilot.state import State
 from sitl.ardupilot.telemetry_motion import MotionMessages, Place
 from sitl.builders import Builder, Builders
 from sitl.geodesy import FlatProjection
-from sitl.parameters import Parameters
+from sitl.parameters import Parameters, version_number
 from sitl.world import EPOCH_US, World
 
 _BOOT: Final = 1
@@ -39,7 +39,6 @@ _NOT_ALIGNED, _NO_AIRSPEED_SENSOR = 4096, 2
 """Bits of HIGH_LATENCY2.failure_flags."""
 _HJ_PER_WH: Final = 36.0
 _MOST_CA: Final = 32767
-_VERSION: Final = 67503103
 _NAN4: Final = (math.nan,) * 4
 
 
@@ -257,7 +256,8 @@ class StatusMessages(Builders):
 
     def _version(self) -> bytes:
         return self._pack(
-            "AUTOPILOT_VERSION", capabilities=64495, flight_sw_version=_VERSION,
+            "AUTOPILOT_VERSION", capabilities=64495,
+            flight_sw_version=version_number(self._parameters.firmware),
             middleware_sw_version=0, os_sw_version=0, board_version=0,
             flight_custom_version=tuple(b"92b0cd78"), middleware_custom_version=(0,) * 8,
             os_custom_version=(0,) * 8, vendor_id=0, product_id=0, uid=0,

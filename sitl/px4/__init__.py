@@ -4,7 +4,7 @@ from typing import Final
 
 from sitl.battery import BatteryOptions
 from sitl.manner import Kind
-from sitl.px4.parameters import parameters
+from sitl.px4.parameters import FIRMWARE, parameters
 from sitl.px4.vehicle import Px4Manner
 from sitl.quadrotor import Airframe
 
@@ -13,6 +13,7 @@ KIND: Final = Kind(
     airframe=Airframe(),
     battery=BatteryOptions(),
     estimate_noise=1.0,
+    firmware=FIRMWARE,
     parameters=parameters,
     start=Px4Manner,
 )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from sitl import sim_parameters
-from sitl.parameters import INT32, REAL32, Parameter, Parameters
+from sitl.parameters import INT32, REAL32, Firmware, Parameter, Parameters, Read
 
 _PX4: Final[dict[str, float]] = {
     "BAT1_CAPACITY": -1.0, "BAT1_N_CELLS": 4, "BAT1_R_INTERNAL": -1.0, "BAT1_SOURCE": 0,
@@ -54,8 +54,20 @@ _LIMITS: Final[dict[str, tuple[float, float]]] = {
 }
 
 
-def parameters(values: Mapping[str, float]) -> Parameters:
-    """Return PX4's parameters, some of them replaced."""
+FIRMWARE: Final = (1, 17, 0)
+_1_18: Final = (1, 18, 0)
+_OVERRIDES: Final = 3.0
+_STICKS_1_18: Final[dict[str, Read]] = {
+    "COM_RC_OVERRIDE": ("MAN_OVERRIDE_SPD", lambda speed: _OVERRIDES if speed >= 0.0 else 0.0),
+    "COM_RC_STICK_OV": ("MAN_OVERRIDE_SPD", lambda _: _PX4["COM_RC_STICK_OV"]),
+}
+"""1.18 compares the speed of the sticks, and has one parameter for all modes; a negative one
+switches the take-over off. The fake compares their deflection in every release."""
+
+
+def parameters(values: Mapping[str, float], firmware: Firmware = FIRMWARE) -> Parameters:
+    """Return PX4's parameters by the names of a firmware, some of them replaced."""
+    renamed = _STICKS_1_18 if firmware >= _1_18 else {}
     table = [
         Parameter(
             name=name,
@@ -65,6 +77,15 @@ def parameters(values: Mapping[str, float]) -> Parameters:
             maximum=high,
         )
         for name, default in _PX4.items()
+        if name not in renamed
         for low, high in [_LIMITS.get(name, (-2147483648.0, 2147483647.0))]
     ]
-    return Parameters([*table, *sim_parameters.TABLE], values, bytewise=True)
+    if renamed:
+        table.append(Parameter(name="MAN_OVERRIDE_SPD", default=1.0, minimum=-1.0, maximum=10.0))
+    return Parameters(
+        [*table, *sim_parameters.TABLE],
+        values,
+        bytewise=True,
+        firmware=firmware,
+        renamed=renamed,
+    )

@@ -3,9 +3,9 @@
 from functools import cache
 from typing import Final
 
+from sitl.parameters import Firmware, version_number
 from sitl.wire import layout
 
-_VERSION: Final = 17891583
 _GIT: Final = (0, 0, 0, 196, 209, 42, 241, 214)
 _MODES: Final = (
     (0x10000, 0, 1, "Manual"), (0x20000, 4, 0, ""), (0x30000, 1, 0, ""),
@@ -31,12 +31,13 @@ AVAILABLE_MODES: Final = tuple(
 
 
 @cache
-def autopilot_version() -> bytes:
+def autopilot_version(firmware: Firmware) -> bytes:
     """Return AUTOPILOT_VERSION's payload."""
+    version = version_number(firmware)
     return layout("AUTOPILOT_VERSION").payload(
         capabilities=59647,
-        flight_sw_version=_VERSION,
-        middleware_sw_version=_VERSION,
+        flight_sw_version=version,
+        middleware_sw_version=version,
         os_sw_version=101854463,
         board_version=1,
         flight_custom_version=_GIT,

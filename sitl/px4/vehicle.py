@@ -194,11 +194,11 @@ class Px4Manner:
             return ACCEPTED
         name = IDS.get(msgid, "GPS_GLOBAL_ORIGIN" if msgid == _GPS_GLOBAL_ORIGIN_ID else "")
         special = {
-            _AUTOPILOT_VERSION_ID: ("AUTOPILOT_VERSION", autopilot_version),
-            _PROTOCOL_VERSION_ID: ("PROTOCOL_VERSION", protocol_version),
+            _AUTOPILOT_VERSION_ID: ("AUTOPILOT_VERSION", self._version()),
+            _PROTOCOL_VERSION_ID: ("PROTOCOL_VERSION", protocol_version()),
         }.get(msgid)
         if special is not None:
-            self._send(link, special[0], special[1]())
+            self._send(link, *special)
             return ACCEPTED
         builder = self.telemetry.builders.get(name)
         made = builder() if builder is not None else None
@@ -293,7 +293,7 @@ class Px4Manner:
                     link.send(layout(name), self._link_status(link))
                     continue
                 elif name == "AUTOPILOT_VERSION":
-                    link.send(layout(name), autopilot_version())
+                    link.send(layout(name), self._version())
                     continue
                 else:
                     builder = builders.get(name)
@@ -304,6 +304,9 @@ class Px4Manner:
             for payload in self._server.due(link.name):
                 link.send(layout("PARAM_VALUE"), payload)
         self._radio.step()
+
+    def _version(self) -> bytes:
+        return autopilot_version(self.parameters.firmware)
 
     def _first_words(self) -> None:
         self._announced = True

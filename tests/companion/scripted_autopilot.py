@@ -51,6 +51,16 @@ PARAMETERS = {
 """Parameters of the autopilot: as the manual asks for, else as by default."""
 
 
+def _defaults(known):
+    """Defaults of all parameters of a flight, as the measured release names them."""
+    names = {
+        key: known.parameters.names(key, known.assumed_release)[0]
+        for key in known.flight_parameters
+    }
+    defaults = known.parameters.defaults
+    return {name.name: defaults[key] / name.scale for key, name in names.items()}
+
+
 class ScriptedAutopilot:
     """State of an autopilot as it reports it; a test changes it by its attributes."""
 
@@ -75,7 +85,7 @@ class ScriptedAutopilot:
         """Reset counter of ODOMETRY; None where the autopilot sends none."""
         self.position_boot_s = None
         """Frozen clock of LOCAL_POSITION_NED; None while the clock runs."""
-        self.parameters = {**profile(kind_of(autopilot)).failsafe_defaults, **PARAMETERS}
+        self.parameters = {**_defaults(profile(kind_of(autopilot))), **PARAMETERS}
         self.fence_items = fence_items
         """Number of fence items that the autopilot reports; it sends none."""
         self.battery_percent, self.charge_state = 90, 1

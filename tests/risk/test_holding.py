@@ -24,14 +24,14 @@ MODEL = RiskModel()
     ("kind", "parameters", "degrees", "source"),
     [
         (autopilots.PX4, {"MPC_TILTMAX_AIR": 45.0}, 45.0, "MPC_TILTMAX_AIR"),
-        (autopilots.ARDUPILOT, {"ANGLE_MAX": 3000.0}, 30.0, "ANGLE_MAX"),
+        (autopilots.ARDUPILOT, {"ATC_ANGLE_MAX": 30.0}, 30.0, "ATC_ANGLE_MAX"),
         (
             autopilots.ARDUPILOT,
-            {"ANGLE_MAX": 3000.0, "PSC_ANGLE_MAX": 20.0},
+            {"ATC_ANGLE_MAX": 30.0, "PSC_ANGLE_MAX": 20.0},
             20.0,
             "PSC_ANGLE_MAX",
         ),
-        (autopilots.ARDUPILOT, {"ANGLE_MAX": 3000.0, "PSC_ANGLE_MAX": 0.0}, 30.0, "ANGLE_MAX"),
+        (autopilots.ARDUPILOT, {"ATC_ANGLE_MAX": 30.0, "PSC_ANGLE_MAX": 0.0}, 30.0, "ATC_ANGLE_MAX"),
         (autopilots.PX4, {"MPC_TILTMAX_AIR": None}, math.degrees(0.52), "risk.tilt_deg"),
         (
             autopilots.PX4,
@@ -55,11 +55,11 @@ def test_the_greatest_wind_that_can_be_held_leans_the_aircraft_to_its_limit():
 
 
 def test_the_check_names_the_limiting_wind_the_key_and_the_parameter():
-    parameters = {"ANGLE_MAX": 2000.0}
+    parameters = {"ATC_ANGLE_MAX": 20.0}
     vehicle = named_vehicle("linedrone_uniform")
     finding = held_wind_finding(autopilots.ARDUPILOT, parameters, vehicle, Supervision())
     assert finding.level is Level.NOTE
-    for word in ("ANGLE_MAX", "risk.drag_per_s", "supervision.wind_limit_mps"):
+    for word in ("ATC_ANGLE_MAX", "risk.drag_per_s", "supervision.wind_limit_mps"):
         assert word in finding.text
 
 

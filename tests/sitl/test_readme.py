@@ -25,6 +25,6 @@ def test_every_test_that_a_row_names_exists(page, least):
 @pytest.mark.parametrize(("kind", "title"), [("px4", "PX4"), ("ardupilot", "ArduPilot")])
 def test_the_numbers_of_parameters_are_those_of_the_row(kind, title):
     row = re.search(rf"\| (\d+) of {title}'s \d+, and (\d+) SIM_ ones", README)
-    names = KINDS[kind].parameters({}).values
+    names = KINDS[kind].parameters({}, KINDS[kind].firmware).values
     simulated = sum(name.startswith("SIM_") for name in names)
     assert [int(number) for number in row.groups()] == [len(names) - simulated, simulated]
