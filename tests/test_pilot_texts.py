@@ -16,6 +16,7 @@ import moar_companion
 from moar_companion import autopilots
 from moar_companion.autopilots import PROFILES, profile
 from moar_companion.autopilots.failsafe_actions import LINKS, AutopilotAction, Trigger
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.mavlink import modes
 from moar_companion.mavlink.commands import result_words
 from moar_companion.mavlink.signing import SigningRefusal
@@ -100,7 +101,7 @@ def mode_names():
 def fence_names():
     for row in PROFILES.values():
         parameters = dict.fromkeys(row.fence_parameters, 10_000.0) | {"FENCE_TYPE": 15.0}
-        yield from row.fence(parameters, ()).names
+        yield from row.fence(Parameters(parameters), ()).names
     yield "exclusion polygon 999"
 
 

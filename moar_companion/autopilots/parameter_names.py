@@ -58,7 +58,7 @@ class Parameters(Mapping[str, float | None]):
         self, values: Mapping[str, float | None], names: Mapping[str, Name] | None = None
     ) -> None:
         self._values = values
-        self._names = names or {}
+        self._names = {} if names is None else names
 
     def __getitem__(self, key: str) -> float | None:
         return self._values[key]

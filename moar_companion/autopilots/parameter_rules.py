@@ -23,6 +23,8 @@ UNTIL_IT_FALLS = (
 )
 _SHORT_S = 0.5
 """Offboard time-out that the manual requires, in s."""
+_LONG_S = 2.0
+"""Longest one of PX4 with which a companion failure was flown."""
 
 
 class Level(enum.IntEnum):
@@ -224,7 +226,9 @@ def time_on_last_setpoint(value: float, case: Case) -> Verdict:
     words = (
         f"{value:g} s, and up to {stopping_m:.1f} m at {speed_mps:g} m/s until the aircraft stops"
     )
-    if loss.objection_anywhere is not None and loss.timeout_s is not None:
+    # PX4 keeps the setpoint: its time does not stretch the stop, and the flight does not read it.
+    too_long = loss.timeout_s is None and value > _LONG_S
+    if too_long or (loss.timeout_s is not None and loss.objection_anywhere is not None):
         return case.objection, words
     return (Level.OK if value <= _SHORT_S else Level.WARNING), words
 

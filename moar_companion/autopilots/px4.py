@@ -383,6 +383,7 @@ _RULES = (
         judge=time_on_last_setpoint,
         meaning="time for which PX4 keeps the last setpoint after a companion failure",
         remedy="set 0.5",
+        unknown=Level.NO_GO,
     ),
     Rule(
         parameter="COM_OBL_RC_ACT",

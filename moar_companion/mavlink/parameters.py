@@ -30,8 +30,9 @@ makes one parameter in 450 look missing."""
 _MAX_UNDER_WAY = 4
 """Limit of open requests, for the small buffers of a telemetry radio."""
 _AGAIN_AFTER_S = 3.0
-"""Period of requests of changing parameters, as PX4 reports a set value only to its setter; and of
-missing ones, since a lost link may come back."""
+"""Period of requests of changing parameters: PX4 reports a set value only to its setter."""
+_MISSING_S = 1.0
+"""Time between two requests of missing parameters: a bad link may become better."""
 _VERSION_S = 0.3
 """Wait for the firmware's version, before a parameter with several names is requested."""
 _INTEGERS = frozenset(range(mavlink.MAV_PARAM_TYPE_UINT8, mavlink.MAV_PARAM_TYPE_INT32 + 1))
@@ -158,17 +159,17 @@ class ParameterRequests:
 
     def _next_again(self, now_s: float) -> str | None:
         """Name of the known or missing parameter whose periodic request is due."""
-        known = [
-            key for key, value in self._values.items() if value is None or key in self._changing
-        ]
-        for key in known:
-            self._again.setdefault(key, (0, now_s))  # it is fresh
-        if not known:
+        missing = [key for key, value in self._values.items() if value is None]
+        known = [key for key in self._changing if self._values.get(key) is not None]
+        due = []
+        for keys, period_s in ((missing, _MISSING_S * len(missing)), (known, _AGAIN_AFTER_S)):
+            for key in keys:
+                count, asked_s = self._again.setdefault(key, (0, now_s))  # it is fresh
+                if now_s - asked_s >= max(period_s, _AGAIN_AFTER_S):
+                    due.append((asked_s, count, key))
+        if not due:
             return None
-        key = min(known, key=lambda key: self._again[key][1])
-        count, asked_s = self._again[key]
-        if now_s - asked_s < _AGAIN_AFTER_S:
-            return None
+        _, count, key = min(due)
         self._again[key] = (count + 1, now_s)
         return self._name(key, count) if self._values[key] is None else self._names[key].name
 

@@ -11,19 +11,20 @@ from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.ardupilot import ArduPilotReturn
 from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.safety.failsafe_paths import exposed_places, failsafe_hit
 
 from ..planner.problems import conductor, make_site
 
 PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
-UNTOLD = {kind: dict.fromkeys(profile(kind).failsafe_parameters) for kind in (PX4, ARDUPILOT)}
+DEFAULTS = {kind: profile(kind).parameters.defaults for kind in (PX4, ARDUPILOT)}
 REACH = FreeDistance.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
 ABOVE, BELOW, BESIDE = (5.5, 7.5), (5.5, 1.5), (9.5, 7.5)
 
 
 def failsafes(kind, **parameters):
-    found = profile(kind).failsafes({**UNTOLD[kind], **parameters})
+    found = profile(kind).failsafes(Parameters({**DEFAULTS[kind], **parameters}))
     assert found is not None
     return found
 
@@ -101,11 +102,12 @@ def test_dead_reckoning_counts_where_the_estimator_fuses_drag():
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_actions_are_unknown_before_all_parameters_and_unreported_ones_are_named(kind):
-    for name in UNTOLD[kind]:
-        assert profile(kind).failsafes({n: 1.0 for n in UNTOLD[kind] if n != name}) is None
-    assert failsafes(kind).unreported == profile(kind).failsafe_parameters
-    assert profile(autopilots.UNKNOWN).failsafes({}) is None
+def test_actions_are_unknown_before_all_parameters_are_received_or_given_up(kind):
+    for name in profile(kind).failsafe_parameters:
+        others = {key: value for key, value in DEFAULTS[kind].items() if key != name}
+        assert profile(kind).failsafes(Parameters(others)) is None
+        assert profile(kind).failsafes(Parameters({**others, name: None})) is not None
+    assert profile(autopilots.UNKNOWN).failsafes(Parameters({})) is None
 
 
 def test_a_threshold_in_mah_is_converted_to_a_charge():

@@ -8,7 +8,8 @@ import pytest
 
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
-from moar_companion.autopilots.fence import Limit, areas_of
+from moar_companion.autopilots.fence import Fence, Limit, areas_of
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.telemetry import FenceItem
 
 PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
@@ -28,7 +29,7 @@ ON = {
 
 
 def fence(kind, items=(), **values):
-    return profile(kind).fence({**OFF[kind], **values}, items)
+    return profile(kind).fence(Parameters({**OFF[kind], **values}), items)
 
 
 def test_ardupilots_fence_counts_when_its_status_alone_reports_it():
@@ -91,13 +92,21 @@ def test_the_bits_of_fence_type_select_the_limits(bit, names):
 
 
 def test_a_fence_is_unknown_while_a_parameter_is_awaited():
-    assert profile(PX4).fence({"GF_ACTION": 2.0}, ()) is None
+    assert profile(PX4).fence(Parameters({"GF_ACTION": 2.0}), ()) is None
 
 
-def test_a_parameter_that_was_never_reported_is_named():
-    found = fence(PX4, GF_MAX_VER_DIST=None, GF_MAX_HOR_DIST=10.0)
-    assert found.unreported == ("GF_MAX_VER_DIST",)
+def test_an_unreported_switch_of_the_fence_counts_as_on_and_a_margin_as_the_greatest():
+    found = fence(ARDUPILOT, **{**ON, "FENCE_ENABLE": None, "FENCE_MARGIN": None})
     assert found.circle is not None
+    assert found.margin_m == 10.0
+
+
+def test_firmware_that_was_built_without_a_fence_has_none():
+    known = profile(ARDUPILOT)
+    silent = Parameters({**known.parameters.defaults, **dict.fromkeys(known.fence_parameters)})
+    assert known.fence(silent, ()) == Fence()
+    assert known.unreported(silent).denying == ()
+    assert "FENCE_RADIUS" in known.unreported(silent).names
 
 
 def test_fence_items_become_polygons_and_circles_in_their_order():
@@ -128,4 +137,4 @@ def test_an_incomplete_polygon_and_an_invalid_radius_are_read_without_an_error()
 
 
 def test_the_fence_of_an_unknown_autopilot_is_unknown():
-    assert profile(autopilots.UNKNOWN).fence({}, (), enabled=True) is None
+    assert profile(autopilots.UNKNOWN).fence(Parameters({}), (), enabled=True) is None

@@ -15,6 +15,7 @@ from moar_companion.autopilots import PROFILES, kind_of, profile
 from moar_companion.autopilots.failsafe_actions import AutopilotAction
 from moar_companion.autopilots.fence import Fence
 from moar_companion.autopilots.offboard_loss import OffboardLoss
+from moar_companion.autopilots.parameter_names import Parameter, Parameters, ParameterTable
 from moar_companion.autopilots.parameter_rules import Rule, switch
 from moar_companion.config import Authority, LossCheck, shipped_configs
 from moar_companion.errors import InputError
@@ -33,7 +34,7 @@ NUMBER = int(mavlink.MAV_AUTOPILOT_REFLEX)
 X500 = shipped_configs() / "vehicles" / "x500.yaml"
 
 
-def read_loss(value, unreported):
+def read_loss(value, _parameters):
     return OffboardLoss(
         kind=MADE_UP,
         name="Made-up",
@@ -42,7 +43,6 @@ def read_loss(value, unreported):
         timeout_s=None,
         stopping_s=0.5,
         stopping_s2pm=0.2,
-        unreported=unreported,
     )
 
 
@@ -63,14 +63,19 @@ def made_up(monkeypatch):
         homeward_modes=frozenset({"DOWN"}),
         rates_hz={"WIND_COV": 3.0},
         projection_known=True,
-        loss_defaults={"MU_STAYS": 1.0},
+        parameters=ParameterTable(
+            (
+                Parameter("MU_STAYS", 1.0, 0.0),
+                Parameter("MU_FAILSAFE", 0.0, 0.0),
+                Parameter("MU_FENCE", 0.0, 0.0),
+            )
+        ),
+        loss_parameters=("MU_STAYS",),
         read_loss=read_loss,
-        failsafe_defaults={"MU_FAILSAFE": 0.0},
+        failsafe_parameters=("MU_FAILSAFE",),
         read_failsafes=lambda _: (),
         fence_parameters=("MU_FENCE",),
-        read_fence=lambda _values, areas, unreported, _enabled: Fence(
-            areas=areas, unreported=unreported
-        ),
+        read_fence=lambda _values, areas, _enabled: Fence(areas=areas),
         rules=(
             Rule(
                 parameter="MU_STAYS",
@@ -87,7 +92,7 @@ def made_up(monkeypatch):
 def desk_of(**parameters):
     desk = Desk(autopilot=NUMBER, authority=Authority.ENGAGE)
     desk.set(ours=FOLLOW, mode=WAIT)
-    desk.parameters.update(MU_STAYS=1.0, MU_FENCE=0.0, **parameters)
+    desk.parameters.update(MU_STAYS=1.0, MU_FENCE=0.0, MU_FAILSAFE=0.0, **parameters)
     return desk
 
 
@@ -119,8 +124,12 @@ def test_the_check_and_the_vehicle_file_support_a_third_autopilot(made_up, tmp_p
     file.write_text(X500.read_text().replace("autopilot: px4", "autopilot: made_up"))
     vehicle = Vehicle.load(file)
     assert vehicle.autopilot == MADE_UP
-    (finding,) = parameter_findings(
-        made_up, {"MU_STAYS": 0.0}, vehicle, LossCheck.REFUSE, ground_station_received=True
+    finding, *_ = parameter_findings(
+        made_up,
+        Parameters({"MU_STAYS": 0.0}),
+        vehicle,
+        LossCheck.REFUSE,
+        ground_station_received=True,
     )
     assert (finding.level, finding.text) == (Level.NO_GO, "0: whether it stays")
     assert wanted_rates_hz(MADE_UP)[mavlink.MAVLINK_MSG_ID_WIND_COV] == 3.0
@@ -158,7 +167,7 @@ def test_no_assumption_about_an_unknown_autopilot_lowers_a_risk(kind):
     assert not unknown.summary_is_battery_0
     assert not unknown.channels_without_receiver
     assert not unknown.projection_known
-    values = unknown.with_silence(known.with_silence({}))
+    values = unknown.with_silence(known.with_silence(Parameters({})))
     assert unknown.offboard_loss(values) is None
     assert unknown.failsafes(values) is None
     assert unknown.fence(values, (), enabled=True) is None

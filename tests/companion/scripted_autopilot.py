@@ -107,6 +107,12 @@ class ScriptedAutopilot:
             setattr(self, name, value)
         return self
 
+    def set_ours(self, key, value):
+        """Sets a parameter by its key and in our unit, before it is reported."""
+        known = profile(kind_of(self.kind))
+        name = known.parameters.names(key, known.assumed_release)[0]
+        self.parameters[name.name] = value / name.scale
+
     def _autopilot_messages(self):
         boot_ms = round(self.boot_s * 1000)
         said = []

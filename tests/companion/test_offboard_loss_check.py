@@ -36,8 +36,11 @@ def test_no_mission_starts_before_the_parameters_are_received_or_given_up():
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("parameters not read yet")
     desk.run(14.0).order(INSPECTION, 0.0).run(0.5)
-    assert desk.answers() == [TEMPORARILY_REJECTED, ACCEPTED]
-    assert desk.said(" parameters unread, taken as default")
+    assert desk.answers() == [TEMPORARILY_REJECTED] * 2
+    assert desk.said(" parameters unread, taken as worst")
+    assert desk.said("unread: COM_OBL_RC_ACT and 12 more")
+    desk.order(EXIT).run(0.5)
+    assert desk.answers()[-1] == ACCEPTED
 
 
 def test_an_order_at_the_start_waits_for_the_autopilot_and_its_parameters():
@@ -56,7 +59,11 @@ def test_no_mission_starts_before_the_failsafe_parameters_are_received_or_given_
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("parameters not read yet")
     desk.run(14.0).order(INSPECTION, 0.0).run(0.5)
-    assert desk.answers() == [TEMPORARILY_REJECTED, ACCEPTED]
+    assert desk.answers() == [TEMPORARILY_REJECTED] * 2
+    assert desk.said("unread: NAV_DLL_ACT")
+    desk.parameters["NAV_DLL_ACT"] = 0.0
+    desk.run(4.0).order(INSPECTION, 0.0).run(0.5)
+    assert desk.answers()[-1] == ACCEPTED
 
 
 def test_a_parameter_that_is_changed_counts_from_the_next_order_on():

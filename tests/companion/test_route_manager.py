@@ -9,6 +9,7 @@ import pytest
 
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.companion.route_manager import RouteManager
 from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.estimation.pose import Pose
@@ -54,7 +55,7 @@ class Routes:
         limits = self.manager.limits
         limits.take_ground(SiteMaps(site=self.planner.site, maps=self.planner.maps))
         limits.offboard_loss.loss = loss_of(autopilots.PX4) if known else None
-        unlimited = dict.fromkeys(profile(autopilots.PX4).fence_parameters, 0.0)
+        unlimited = Parameters(dict.fromkeys(profile(autopilots.PX4).fence_parameters, 0.0))
         limits._fences.learn(autopilots.PX4, unlimited, (), None)
         self.now_s = 0.0
 

@@ -138,10 +138,10 @@ def test_the_effect_of_an_offboard_loss_is_reported_in_one_chunk():
     reach = usual_planner().maps.reach
     for action in range(9):
         loss = loss_of(autopilots.PX4, COM_OBL_RC_ACT=float(action), RTL_TYPE=1.0)
-        for words in (loss.objection_anywhere, loss.assumption, loss._against(f" through {LONG}")):
+        for words in (loss.objection_anywhere, loss._against(f" through {LONG}")):
             if words is not None:
                 assert_is_for_pilots(pilot_text(words, "holding"))
-    slow = loss_of(autopilots.ARDUPILOT, WPNAV_ACCEL=33.3333, GUID_TIMEOUT=99.0)
+    slow = loss_of(autopilots.ARDUPILOT, WP_ACC=0.333333, GUID_TIMEOUT=99.0)
     assert reach is not None
     for words in (slow.lag(1.23456), slow.objection_anywhere):
         assert_is_for_pilots(pilot_text(words, "rejected"))

@@ -184,15 +184,20 @@ def test_a_fence_being_read_again_keeps_its_last_value():
     assert watch.plane is None
 
 
-def test_a_fence_with_unreported_parameters_counts_as_none_and_is_reported_once():
+def test_a_fence_with_an_unreported_limit_permits_no_inspection_and_is_reported_once():
     desk = Desk()
     for name in ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"):
         del desk.parameters[name]
     desk.run(2.0).order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
-    assert not desk.said("fence parameters")
+    assert not desk.said("unread")
     desk.run(10.0)
-    assert desk.texts().count("MOAR: 2 fence parameters unread, taken as none") == 1
+    assert desk.texts().count("MOAR: 2 parameters unread, taken as worst") == 1
+    desk.order(INSPECTION, 0.0).run(0.5)
+    assert desk.answers()[-1] == TEMPORARILY_REJECTED
+    assert desk.said("unread: GF_MAX_HOR_DIST, GF_MAX_VER_DIST") or desk.said(
+        "unread: GF_MAX_HOR_DIST and 1 more"
+    )
 
 
 def test_a_fence_with_unreadable_items_does_not_count_as_none():

@@ -85,7 +85,11 @@ def test_a_parameter_never_reported_is_missing_and_delays_no_other():
     assert reading.requests.values == {"A": 1.0} | dict.fromkeys(
         ("NONE1", "NONE2", "NONE3", "NONE4")
     )
-    assert set(Counter(reading.asked).values()) == {1, 6}
+    assert set(Counter(reading.asked).values()) == {1, 6}  # then one a second
+    reading.run(4.0)
+    asked = len(reading.asked)
+    reading.run(8.0)
+    assert len(reading.asked) - asked == 8
 
 
 def test_at_most_four_requests_await_an_answer_at_once():
@@ -183,16 +187,21 @@ def test_parameters_are_taken_from_the_autopilot_on_its_own_link_alone(story, au
     assert story.session.requests.parameters == {"A": 2.0}
 
 
-def test_the_version_is_requested_once_per_call(story, autopilot):
-    story.session.requests.request_version()
+def test_the_version_is_requested_until_it_arrives(story, autopilot):
+    def asked(seconds):
+        return sum(
+            (message.command, message.param1) == (512, 148)
+            for message in of_type(story.run(seconds), "COMMAND_LONG")
+        )
+
     story.meet(autopilot)
-    story.session.requests.request_version()
-    asked = [
-        message
-        for message in of_type(story.run(0.02), "COMMAND_LONG")
-        if (message.command, message.param1) == (512, 148)
-    ]
-    assert len(asked) == 1
+    assert asked(0.5) == 1
+    assert asked(1.0) == 1
+    version = mavlink.MAVLink_autopilot_version_message(
+        0, 0x040701FF, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0
+    )
+    story.handle(autopilot.pack(version))
+    assert asked(3.0) == 0
 
 
 @pytest.mark.recordings

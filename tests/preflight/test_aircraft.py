@@ -118,7 +118,9 @@ def test_a_failsafe_is_a_no_go():
         (autopilots.PX4, (1, 15, 4), "", NOTE),
         (autopilots.PX4, (1, 13, 3), "", WARNING),
         (autopilots.ARDUPILOT, (4, 6, 3), "", OK),
-        (autopilots.ARDUPILOT, (4, 7, 0), "dev", NOTE),
+        (autopilots.ARDUPILOT, (4, 7, 1), "", NOTE),
+        (autopilots.ARDUPILOT, (4, 8, 0), "dev", WARNING),
+        (autopilots.PX4, (1, 19, 0), "", WARNING),
         (autopilots.ARDUPILOT, (4, 2, 3), "", WARNING),
     ],
 )
@@ -126,7 +128,7 @@ def test_firmware_is_compared_with_the_measured_versions(kind, version, release,
     firmware = Firmware(received_s=5.0, version=version, release=release)
     finding = findings(kind=kind, firmware=firmware)["firmware"]
     assert finding.level is level
-    assert finding.text.startswith(str(firmware))
+    assert finding.text.startswith(f"{autopilots.profile(kind).name} {firmware}")
 
 
 def test_a_disarmed_autopilot_that_would_not_arm_is_reported_with_its_unhealthy_sensors():

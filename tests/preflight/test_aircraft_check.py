@@ -127,7 +127,7 @@ def test_an_aircraft_with_recommended_parameters_is_a_go():
     look = Look(ground_station=True, parameters=PX4_AS_ASKED)
     found = look.findings()
     assert {name for name, item in found.items() if item.level is NO_GO} == set()
-    assert found["firmware"].text == "1.17.0"
+    assert found["firmware"].text == "PX4 1.17.0"
     assert found["state"].text == "HOLD, disarmed, on the ground"
     assert found["ground station"].level is OK
     assert found["position"].text.startswith("x 27.")
@@ -171,7 +171,7 @@ def test_ardupilot_with_recommended_parameters_is_a_go():
     )
     found = look.findings()
     assert {name for name, item in found.items() if item.level is NO_GO} == set()
-    assert found["firmware"].text == "4.6.3"
+    assert found["firmware"].text == "ArduPilot 4.6.3"
     for name in ("LOCAL_POSITION_NED", "ATTITUDE", "position", "GUID_TIMEOUT", "FS_THR_ENABLE"):
         assert found[name].level is OK, str(found[name])
 
@@ -498,7 +498,7 @@ def signed_look(secret):
 
 def test_an_autopilot_on_a_signed_link_is_checked():
     found = signed_look(SECRET).findings()
-    assert found["firmware"].text == "1.17.0"
+    assert found["firmware"].text == "PX4 1.17.0"
     assert "signing" not in found
 
 

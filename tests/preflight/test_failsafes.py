@@ -10,6 +10,7 @@ import pytest
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import Trigger
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.config import LossCheck, Supervision, shipped_configs
 from moar_companion.error_margin import flown_site
 from moar_companion.planner.planner import Planner
@@ -45,7 +46,7 @@ def of_gps(kind, **parameters):
 
 def all_found(kind, policy=LossCheck.WARN, **parameters):
     values = dict.fromkeys(profile(kind).failsafe_parameters, 0.0)
-    failsafes = profile(kind).failsafes({**values, **SAFE[kind], **parameters})
+    failsafes = profile(kind).failsafes(Parameters({**values, **SAFE[kind], **parameters}))
     findings = failsafe_findings(
         PLANNER, failsafes, Supervision(failsafe_action=policy), PowerModel.of(VEHICLE)
     )
@@ -86,7 +87,7 @@ def test_the_rules_accept_the_remedy_for_a_battery_action_on_the_routes(kind, ac
 @pytest.mark.parametrize("value", [3.0, 4.0])
 def test_a_smart_return_is_judged_by_its_fallback(value):
     (finding,) = found(
-        ARDUPILOT, BATT_FS_LOW_ACT=value, BATT_LOW_VOLT=14.0, RTL_ALT=1500.0, RTL_CONE_SLOPE=3.0
+        ARDUPILOT, BATT_FS_LOW_ACT=value, BATT_LOW_VOLT=14.0, RTL_ALT_M=15.0, RTL_CONE_SLOPE=3.0
     )[:1]
     assert finding.level is WARNING
     assert "it would hit" in finding.text
@@ -102,7 +103,11 @@ def test_an_altitude_hold_without_a_position_drifts_into_obstacles_beside():
 
 def by_rule(kind, name, parameters):
     findings = parameter_findings(
-        profile(kind), parameters, VEHICLE, LossCheck.WARN, ground_station_received=False
+        profile(kind),
+        Parameters({**profile(kind).parameters.defaults, **parameters}),
+        VEHICLE,
+        LossCheck.WARN,
+        ground_station_received=False,
     )
     return next(item for item in findings if item.subject == name)
 
@@ -142,7 +147,7 @@ def test_an_autopilot_that_stays_hits_no_obstacle():
     assert found(ARDUPILOT) == []
     open_site = replace(SITE, obstacles=())
     failsafes = profile(ARDUPILOT).failsafes(
-        {**dict.fromkeys(profile(ARDUPILOT).failsafe_parameters, 0.0)}
+        Parameters(dict.fromkeys(profile(ARDUPILOT).failsafe_parameters, 0.0))
     )
     (finding,) = failsafe_findings(
         Planner(open_site, VEHICLE), failsafes, Supervision(), PowerModel.of(VEHICLE)
@@ -153,7 +158,7 @@ def test_an_autopilot_that_stays_hits_no_obstacle():
 def test_a_drift_is_checked_along_its_whole_path():
     """Beside a pole that is thinner than the drift, too."""
     failsafes = profile(PX4).failsafes(
-        {**dict.fromkeys(profile(PX4).failsafe_parameters, 0.0), **SAFE[PX4]}
+        Parameters({**dict.fromkeys(profile(PX4).failsafe_parameters, 0.0), **SAFE[PX4]})
     )
     reach = PLANNER.maps.reach
     (of_gps,) = failsafes.of([Trigger.GPS_LOSS]).actions
@@ -169,8 +174,3 @@ def test_without_a_home_a_return_is_not_taken_for_harmless():
     *_, finding = found(PX4, NAV_RCL_ACT=2.0)
     assert finding.level is WARNING
     assert finding.text.startswith("home is unknown")
-
-
-def test_a_parameter_that_was_not_received_is_reported():
-    *_, finding = found(ARDUPILOT, RTL_ALT=None)
-    assert (finding.level, finding.text) == (WARNING, "not reported, taken as default: RTL_ALT")

@@ -81,18 +81,6 @@ def test_a_landing_point_that_nothing_reaches_is_not_blamed_on_the_fence():
     assert findings[1:] == [(OK, "fence", "all targets and routes keep 0.5 m from it")]
 
 
-def test_fence_parameters_that_were_never_reported_are_a_warning():
-    fence = Fence(unreported=("FENCE_RADIUS", "FENCE_ALT_MAX"))
-    assert found(fence) == [
-        (OK, "fence", "none"),
-        (
-            WARNING,
-            "fence parameters",
-            "FENCE_RADIUS, FENCE_ALT_MAX not reported: their limits are not kept",
-        ),
-    ]
-
-
 def test_a_fence_about_an_unknown_home_is_a_no_go():
     unplaced = found(Fence(circle=circle(100.0)), home_m=None)
     assert unplaced[1:] == [(NO_GO, "fence", "the fence is relative to home, and home is unknown")]

@@ -43,12 +43,12 @@ def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):
         (autopilots.PX4, "COM_OBL_RC_ACT", 4.0),
         (autopilots.PX4, "COM_OBL_RC_ACT", 7.0),
         (autopilots.ARDUPILOT, "GUID_TIMEOUT", 60.0),
-        (autopilots.ARDUPILOT, "WPNAV_ACCEL", 50.0),
+        (autopilots.ARDUPILOT, "WP_ACC", 0.5),
     ],
 )
 def test_the_check_reports_the_same_findings_as_the_service_in_flight(policy, kind, name, value):
     desk = Desk(autopilot=KINDS[kind], supervision=Supervision(loss_action=policy))
-    desk.parameters[name] = value
+    desk.set_ours(name, value)
     desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
     refused = policy is LossCheck.REFUSE
     assert desk.answers() == [DENIED if refused else ACCEPTED]
@@ -76,19 +76,6 @@ def test_an_autopilot_that_holds_hits_no_obstacle(kind):
     (finding,) = found(kind)
     assert finding.level is OK
     assert finding.text == "the autopilot would hold, no collision on any route of this site"
-
-
-def test_a_parameter_that_was_not_received_is_reported_as_by_the_service():
-    desk = Desk()
-    del desk.parameters["RTL_MIN_DIST"]
-    desk.run(5.0)
-    *_, finding = found(autopilots.PX4, RTL_MIN_DIST=None)
-    assert (finding.level, finding.text) == (
-        WARNING,
-        "1 parameter unread, taken as default (RTL_MIN_DIST)",
-    )
-    assert desk.said("MOAR: 1 parameter unread, taken as default")
-    assert finding.text in {text["reason"] for text in desk.decided("text")}
 
 
 def test_a_site_without_targets_has_no_route_findings():

@@ -3,6 +3,7 @@
 import pytest
 
 from moar_companion.autopilots import ARDUPILOT, PX4, UNKNOWN, profile
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.config import LossCheck, shipped_configs
 from moar_companion.preflight.aircraft_check import parameter_findings
 from moar_companion.preflight.findings import Finding, Level, worst
@@ -17,7 +18,7 @@ OK, NOTE, WARNING, NO_GO = Level
 PX4_AS_ASKED = {
     "COM_OF_LOSS_T": 0.5,
     "COM_OBL_RC_ACT": 5.0,
-    "COM_RC_OVERRIDE": 3.0,
+    "MAN_OVERRIDE_SPD": 1.0,
     "COM_RCL_EXCEPT": 0.0,
     "NAV_RCL_ACT": 1.0,
     "COM_DLL_EXCEPT": 0.0,
@@ -54,12 +55,12 @@ ARDUPILOT_AS_ASKED = {
     "BATT_CRT_VOLT": 13.2,
     "BATT_LOW_MAH": 0.0,
     "BATT_CRT_MAH": 0.0,
-    "RTL_ALT": 1500.0,
-    "WPNAV_SPEED": 1000.0,
-    "WPNAV_SPEED_UP": 300.0,
-    "WPNAV_SPEED_DN": 150.0,
-    "WPNAV_ACCEL": 250.0,
-    "WPNAV_ACCEL_Z": 100.0,
+    "RTL_ALT_M": 15.0,
+    "WP_SPD": 10.0,
+    "WP_SPD_UP": 3.0,
+    "WP_SPD_DN": 1.5,
+    "WP_ACC": 2.5,
+    "WP_ACC_Z": 1.0,
     "EK3_DRAG_BCOEF_X": 16.0,
     "EK3_DRAG_BCOEF_Y": 16.0,
     "EK3_DRAG_MCOEF": 0.2,
@@ -69,8 +70,22 @@ ARDUPILOT_AS_ASKED = {
 def findings(
     kind, parameters, *, ground_station_received=False, vehicle=X500, policy=LossCheck.REFUSE
 ):
+    known = profile(kind)
+    reported = Parameters({**known.parameters.defaults, **parameters})
     found = parameter_findings(
-        profile(kind), parameters, vehicle, policy, ground_station_received=ground_station_received
+        known, reported, vehicle, policy, ground_station_received=ground_station_received
+    )
+    return {item.subject: item for item in found}
+
+
+def unread(kind, parameters=None):
+    """Findings on an autopilot that reports nothing, after all requests."""
+    found = parameter_findings(
+        profile(kind),
+        Parameters(parameters or {}),
+        X500,
+        LossCheck.REFUSE,
+        ground_station_received=False,
     )
     return {item.subject: item for item in found}
 
@@ -97,8 +112,8 @@ def test_recommended_parameters_cause_only_notes_without_a_remedy(kind, paramete
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
 def test_a_parameter_that_was_not_received_is_unknown_and_never_passes(kind):
-    missing = findings(kind, dict.fromkeys(PX4_AS_ASKED | ARDUPILOT_AS_ASKED))
-    assert missing == findings(kind, {})
+    missing = unread(kind)
+    assert missing == unread(kind, dict.fromkeys(PX4_AS_ASKED | ARDUPILOT_AS_ASKED))
     assert min(item.level for item in missing.values()) is NOTE
     assert max(item.level for item in missing.values()) is NO_GO
     assert all("unknown" in item.text for item in missing.values())
@@ -109,11 +124,13 @@ def test_a_parameter_that_was_not_received_is_unknown_and_never_passes(kind):
     [(PX4, PX4_AS_ASKED), (ARDUPILOT, ARDUPILOT_AS_ASKED)],
 )
 def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked):
-    unknown = findings(kind, {})
+    unknown = unread(kind)
+    table = profile(kind).parameters
+    denying = {key for key in profile(kind).flight_parameters if table.row(key).cautious is None}
     values = [*map(float, range(-1, 65)), 0.25, 0.8, 1e4]
     for name in asked:
         may_be = {findings(kind, {**asked, name: value})[name].level for value in values}
-        assert (unknown[name].level is NO_GO) is (NO_GO in may_be), name
+        assert (unknown[name].level is NO_GO) is (NO_GO in may_be or name in denying), name
 
 
 @pytest.mark.parametrize(
@@ -122,6 +139,7 @@ def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked
         ("half a second on the last setpoint", "COM_OF_LOSS_T", 0.5, OK, "8.8 m at 5 m/s"),
         ("PX4's default second", "COM_OF_LOSS_T", 1.0, WARNING, "8.8 m at 5 m/s"),
         ("two seconds are long", "COM_OF_LOSS_T", 2.0, WARNING, "companion failure; set 0.5"),
+        ("more was never flown", "COM_OF_LOSS_T", 5.0, NO_GO, "companion failure; set 0.5"),
         ("a failed companion, as without sticks", "COM_OBL_RC_ACT", 0.0, OK, "by NAV_RCL_ACT"),
         ("a failed companion, return", "COM_OBL_RC_ACT", 3.0, WARNING, "climbs first"),
         ("a failed companion, land", "COM_OBL_RC_ACT", 4.0, OK, "4 (land)"),
@@ -129,8 +147,8 @@ def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked
         ("a failed companion, terminate", "COM_OBL_RC_ACT", 6.0, NO_GO, "the aircraft falls"),
         ("a failed companion, disarm", "COM_OBL_RC_ACT", 7.0, NO_GO, "the aircraft falls"),
         ("a value of a later PX4", "COM_OBL_RC_ACT", 9.0, WARNING, "9 (unknown value, taken as"),
-        ("sticks do nothing in OFFBOARD", "COM_RC_OVERRIDE", 1.0, WARNING, "set 3"),
-        ("sticks take over in OFFBOARD", "COM_RC_OVERRIDE", 2.0, OK, "in OFFBOARD, too"),
+        ("sticks do nothing in OFFBOARD", "MAN_OVERRIDE_SPD", -1.0, WARNING, "set 1"),
+        ("sticks take over in OFFBOARD", "MAN_OVERRIDE_SPD", 2.0, OK, "in OFFBOARD, too"),
         ("a lost transmitter, hold", "NAV_RCL_ACT", 1.0, OK, "hold"),
         ("a lost transmitter, return", "NAV_RCL_ACT", 2.0, WARNING, "climbs first"),
         ("a lost transmitter, below PX4's range", "NAV_RCL_ACT", 0.0, WARNING, "unknown value"),
@@ -181,12 +199,12 @@ def test_px4s_action_on_a_lost_transmitter_is_ignored_where_it_has_no_effect():
     assert of_px4("NAV_RCL_ACT", 2.0, COM_RCL_EXCEPT=None).level is WARNING
 
 
-@pytest.mark.parametrize("value", [0.0, 50.0, 79.8, 80.0, 250.0])
-@pytest.mark.parametrize("name", ["WPNAV_ACCEL", "WPNAV_ACCEL_Z"])
+@pytest.mark.parametrize("value", [0.0, 0.5, 0.798, 0.8, 2.5])
+@pytest.mark.parametrize("name", ["WP_ACC", "WP_ACC_Z"])
 def test_a_soft_ardupilot_is_judged_and_mended_as_the_service_does(name, value):
     asked = {**ARDUPILOT_AS_ASKED, name: value}
     ardupilot, acceleration_mps2 = profile(ARDUPILOT), X500.guidance.acceleration_mps2
-    lag = ardupilot.offboard_loss(ardupilot.with_silence(asked)).lag(acceleration_mps2)
+    lag = ardupilot.offboard_loss(ardupilot.with_silence(Parameters(asked))).lag(acceleration_mps2)
     finding = of_ardupilot(name, value)
     assert (finding.level is NO_GO) is (lag is not None)
     assert finding.remedy.partition(", or")[0] in (lag or "")
@@ -203,7 +221,7 @@ def test_an_objection_that_is_a_warning_in_the_service_is_a_warning_in_the_check
         (PX4, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
         (PX4, {**PX4_AS_ASKED, "RTL_TYPE": 1.0}, "COM_OBL_RC_ACT", 3.0),
         (ARDUPILOT, ARDUPILOT_AS_ASKED, "GUID_TIMEOUT", 60.0),
-        (ARDUPILOT, ARDUPILOT_AS_ASKED, "WPNAV_ACCEL_Z", 50.0),
+        (ARDUPILOT, ARDUPILOT_AS_ASKED, "WP_ACC_Z", 0.5),
     ):
         parameters = {**asked, name: value}
         found = findings(kind, parameters, policy=LossCheck.WARN)
@@ -222,8 +240,8 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("ArduPilot's default of 3 s", "GUID_TIMEOUT", 3.0, WARNING, "29.5 m at 5 m/s"),
         ("a minute", "GUID_TIMEOUT", 60.0, NO_GO, "set 0.5"),
         ("half a second", "GUID_TIMEOUT", 0.5, OK, "17.0 m"),
-        ("brakes too softly", "WPNAV_ACCEL", 50.0, NO_GO, "0.5 m/s2, the vehicle file requires"),
-        ("climbs too softly", "WPNAV_ACCEL_Z", 50.0, NO_GO, "guidance.acceleration_mps2"),
+        ("brakes too softly", "WP_ACC", 0.5, NO_GO, "0.5 m/s2, the vehicle file requires"),
+        ("climbs too softly", "WP_ACC_Z", 0.5, NO_GO, "guidance.acceleration_mps2"),
         ("position is not held", "GUID_OPTIONS", 16.0, NO_GO, "clear bits 4 and 5"),
         ("velocity is not held", "GUID_OPTIONS", 32.0, NO_GO, "clear bits 4 and 5"),
         ("the pilot's yaw ignored", "GUID_OPTIONS", 4.0, OK, "both are held"),
@@ -267,8 +285,8 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("a critical battery, smart return", "BATT_FS_CRT_ACT", 4.0, OK, "or land"),
         ("three cells' threshold for four", "BATT_LOW_VOLT", 10.5, WARNING, "2.62 V a cell"),
         ("no critical threshold", "BATT_CRT_VOLT", 0.0, NOTE, "0 (none)"),
-        ("slower than the vehicle file", "WPNAV_SPEED", 300.0, WARNING, "3 m/s"),
-        ("height of the return in metres", "RTL_ALT", 1500.0, NOTE, "15 m"),
+        ("slower than the vehicle file", "WP_SPD", 3.0, WARNING, "3 m/s"),
+        ("height of the return in metres", "RTL_ALT_M", 15.0, NOTE, "15 m"),
         ("no drag coefficient", "EK3_DRAG_MCOEF", 0.0, NOTE, "the companion estimates it"),
     ],
 )

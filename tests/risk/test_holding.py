@@ -7,6 +7,7 @@ import math
 import pytest
 
 from moar_companion import autopilots
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.config import Supervision
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.risks import held_wind_finding
@@ -31,8 +32,14 @@ MODEL = RiskModel()
             20.0,
             "PSC_ANGLE_MAX",
         ),
-        (autopilots.ARDUPILOT, {"ATC_ANGLE_MAX": 30.0, "PSC_ANGLE_MAX": 0.0}, 30.0, "ATC_ANGLE_MAX"),
-        (autopilots.PX4, {"MPC_TILTMAX_AIR": None}, math.degrees(0.52), "risk.tilt_deg"),
+        (
+            autopilots.ARDUPILOT,
+            {"ATC_ANGLE_MAX": 30.0, "PSC_ANGLE_MAX": 0.0},
+            30.0,
+            "ATC_ANGLE_MAX",
+        ),
+        (autopilots.PX4, {}, math.degrees(0.52), "risk.tilt_deg"),
+        (autopilots.PX4, {"MPC_TILTMAX_AIR": None}, 20.0, "MPC_TILTMAX_AIR"),
         (
             autopilots.PX4,
             {"MPC_TILTMAX_AIR": 45.0, "MPC_THR_HOVER": 0.8},
@@ -44,7 +51,7 @@ MODEL = RiskModel()
 def test_the_lean_is_limited_by_a_parameter_the_motors_or_the_vehicle_file(
     kind, parameters, degrees, source
 ):
-    limit_rad, found = tilt_limit(kind, parameters, MODEL)
+    limit_rad, found = tilt_limit(kind, Parameters(parameters), MODEL)
     assert (math.degrees(limit_rad), found) == (pytest.approx(degrees), source)
     assert set(parameters) <= set(autopilots.profile(kind).holding_parameters)
 
@@ -55,7 +62,7 @@ def test_the_greatest_wind_that_can_be_held_leans_the_aircraft_to_its_limit():
 
 
 def test_the_check_names_the_limiting_wind_the_key_and_the_parameter():
-    parameters = {"ATC_ANGLE_MAX": 20.0}
+    parameters = Parameters({"ATC_ANGLE_MAX": 20.0})
     vehicle = named_vehicle("linedrone_uniform")
     finding = held_wind_finding(autopilots.ARDUPILOT, parameters, vehicle, Supervision())
     assert finding.level is Level.NOTE

@@ -10,6 +10,7 @@ import pytest
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.config import Supervision
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.power import Meter, PowerModel
@@ -28,7 +29,7 @@ LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
 
 def watching(telemetry=STATION, kind=autopilots.PX4, **parameters):
     watch = FailsafeExposure(Supervision(), POWER)
-    parameters_read = {**dict.fromkeys(profile(kind).failsafe_parameters), **parameters}
+    parameters_read = Parameters({**profile(kind).parameters.defaults, **parameters})
     assert watch.learn(kind, parameters_read, None, telemetry)
     assert not watch.learn(kind, parameters_read, None, telemetry)
     return watch
@@ -97,7 +98,7 @@ def test_a_ground_station_that_only_the_autopilot_receives_can_be_lost():
 @pytest.mark.parametrize("moved_m", [0.5, 2.0])
 def test_a_moved_home_updates_the_failsafe_actions(moved_m):
     watch = watching(**LANDS)
-    parameters_read = {**dict.fromkeys(profile(autopilots.PX4).failsafe_parameters), **LANDS}
+    parameters_read = Parameters({**profile(autopilots.PX4).parameters.defaults, **LANDS})
     assert watch.learn(autopilots.PX4, parameters_read, (0.0, 0.0, 0.0), STATION)
     moved = watch.learn(autopilots.PX4, parameters_read, (moved_m, 0.0, 0.0), STATION)
     assert moved is (moved_m > 1.0)
@@ -159,7 +160,7 @@ def voltage_reason(power, voltage_v, charge, *, place_m=ABOVE, leaving_s=0.0):
     )
     telemetry = Telemetry(ground_station=STATION.ground_station, batteries={0: battery})
     watch = FailsafeExposure(Supervision(), power)
-    parameters = dict.fromkeys(profile(autopilots.ARDUPILOT).failsafe_parameters) | LANDS_AT_14_V
+    parameters = Parameters(profile(autopilots.ARDUPILOT).parameters.defaults | LANDS_AT_14_V)
     assert watch.learn(autopilots.ARDUPILOT, parameters, None, telemetry)
     left = Meter(left_wh=charge * power.capacity_wh)
     watch.update(place_m, REACH, telemetry, left, 0.0)

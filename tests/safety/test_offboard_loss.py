@@ -14,6 +14,7 @@ from shapely.geometry import LineString, Point
 from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import AutopilotAction
+from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.safety.failsafe_paths import first_hit, loss_objection
 from sitl.autopilot import FakeAutopilot, Options
@@ -24,11 +25,11 @@ from ..flights.operator import Manner, Operator
 from ..planner.problems import conductor, make_site
 
 PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
-UNTOLD = {kind: dict.fromkeys(profile(kind).loss_parameters) for kind in (PX4, ARDUPILOT)}
+DEFAULTS = {kind: profile(kind).parameters.defaults for kind in (PX4, ARDUPILOT)}
 
 
 def loss(kind, **parameters):
-    return profile(kind).offboard_loss({**UNTOLD[kind], **parameters})
+    return profile(kind).offboard_loss(Parameters({**DEFAULTS[kind], **parameters}))
 
 
 # Parameters -------------------------------------------------------------------------------------
@@ -58,19 +59,24 @@ def test_ardupilot_holds_for_any_parameters():
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
 def test_the_action_is_unknown_before_all_parameters_are_requested(kind):
-    for name in UNTOLD[kind]:
-        assert profile(kind).offboard_loss({n: 1.0 for n in UNTOLD[kind] if n != name}) is None
-    assert profile(autopilots.UNKNOWN).offboard_loss({}) is None
+    for name in profile(kind).loss_parameters:
+        others = {key: value for key, value in DEFAULTS[kind].items() if key != name}
+        assert profile(kind).offboard_loss(Parameters(others)) is None
+    assert profile(autopilots.UNKNOWN).offboard_loss(Parameters({})) is None
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_a_parameter_never_reported_has_its_default_and_is_named(kind):
-    unreported = loss(kind)
-    assert unreported.unreported == profile(kind).loss_parameters
-    assert unreported.action is (AutopilotAction.RETURN if kind is PX4 else AutopilotAction.HOLD)
-    assert unreported.timeout_s == (None if kind is PX4 else 3.0)
-    first, *others = profile(kind).loss_parameters
-    assert loss(kind, **{first: 1.0}).unreported == tuple(others)
+def test_a_parameter_never_reported_never_shortens_the_stop_and_is_named(kind):
+    usual = loss(kind)
+    for name in profile(kind).loss_parameters:
+        cautious = loss(kind, **{name: None})
+        assert cautious.stopping_m(2.0) >= usual.stopping_m(2.0)
+        assert (cautious.follows_mps2 or 0.0) <= (usual.follows_mps2 or 0.0)
+        silent = Parameters({**DEFAULTS[kind], name: None})
+        unreported = profile(kind).unreported(silent)
+        assert unreported.names == (name,)
+        row = profile(kind).parameters.row(name)
+        assert unreported.denying == ((name,) if row.cautious is None else ())
 
 
 # Stopping distance ------------------------------------------------------------------------------
@@ -383,9 +389,9 @@ def test_a_time_on_the_last_setpoint_that_allows_no_speed_is_refused_anywhere():
     ("parameters", "lags"),
     [
         ({}, False),
-        ({"WPNAV_ACCEL": 100.0}, False),
-        ({"WPNAV_ACCEL": 99.0}, True),
-        ({"WPNAV_ACCEL_Z": 99.0}, True),
+        ({"WP_ACC": 1.0}, False),
+        ({"WP_ACC": 0.99}, True),
+        ({"WP_ACC_Z": 0.99}, True),
     ],
 )
 def test_an_autopilot_that_accelerates_less_than_its_setpoints_cannot_follow(parameters, lags):
@@ -393,8 +399,7 @@ def test_an_autopilot_that_accelerates_less_than_its_setpoints_cannot_follow(par
     assert (lag is not None) is lags
     if lag is not None:
         assert lag == (
-            "ArduPilot brakes 0.99 < 1 m/s2 "
-            "(guidance.acceleration_mps2; set WPNAV_ACCEL and WPNAV_ACCEL_Z 100)"
+            "ArduPilot brakes 0.99 < 1 m/s2 (guidance.acceleration_mps2; set WP_ACC and WP_ACC_Z 1)"
         )
 
 
