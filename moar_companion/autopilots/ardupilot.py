@@ -44,6 +44,7 @@ from .parameter_rules import (
     excepted,
     excepts_us,
     follows_setpoints,
+    landing_speed,
     reaction,
     shown,
     speed_limits,
@@ -69,9 +70,10 @@ _CM, _CDEG = 0.01, 0.01
 _LOSS = (
     # Any value may be set, up to 5 s by its range: the aircraft would fly on so long.
     Parameter("GUID_TIMEOUT", 3.0),
-    # The softest braking and shaping that their ranges allow.
-    Parameter("WP_ACC", 2.5, 0.5, _renamed("WP_ACC", "WPNAV_ACCEL", _CM)),
-    Parameter("WP_ACC_Z", 1.0, 0.5, _renamed("WP_ACC_Z", "WPNAV_ACCEL_Z", _CM)),
+    # The softest braking and shaping that their ranges allow. Setpoints of most vehicle files
+    # accelerate more than that.
+    Parameter("WP_ACC", 2.5, 0.5, _renamed("WP_ACC", "WPNAV_ACCEL", _CM), forbids=True),
+    Parameter("WP_ACC_Z", 1.0, 0.5, _renamed("WP_ACC_Z", "WPNAV_ACCEL_Z", _CM), forbids=True),
     Parameter(
         "PSC_NE_JERK",
         5.0,
@@ -130,6 +132,7 @@ _HOLDING = (
 )
 _CHECKED = (
     # Read by `check` alone, which judges no value that is not reported.
+    Parameter("LAND_SPD_MS", 0.5, None, _renamed("LAND_SPD_MS", "LAND_SPEED", _CM)),
     Parameter("WP_SPD", 10.0, None, _renamed("WP_SPD", "WPNAV_SPEED", _CM)),
     Parameter("WP_SPD_UP", 2.5, None, _renamed("WP_SPD_UP", "WPNAV_SPEED_UP", _CM)),
     Parameter("WP_SPD_DN", 1.5, None, _renamed("WP_SPD_DN", "WPNAV_SPEED_DN", _CM)),
@@ -166,6 +169,8 @@ _RADIO = {
 """FS_THR_ENABLE; any other value lands."""
 _GROUND_STATION = {**_RADIO, 3: _SMART_RETURN, 4: _SMART_RETURN_OR_LAND, 5: LANDS}
 """FS_GCS_ENABLE; any other value returns."""
+_LANDING_MPS = 0.5
+"""Default of LAND_SPD_MS, with which the energy of a landing is forecast."""
 _DRIFT_M = 5.3
 """Drift after the loss of GPS until the estimator failsafe has landed; measured on 4.6.3."""
 _DRAG = {"EK3_DRAG_BCOEF_X": 1.0, "EK3_DRAG_BCOEF_Y": 1.0, "EK3_DRAG_MCOEF": 0.001}
@@ -556,6 +561,12 @@ _RULES = (
         meaning="the height above home to which every return climbs first",
         unknown=Level.NOTE,
     ),
+    Rule(
+        parameter="LAND_SPD_MS",
+        judge=landing_speed(_LANDING_MPS),
+        meaning="the speed of ArduPilot's landing",
+        remedy="set 0.5, or land with more charge",
+    ),
     *speed_limits("ArduPilot", ("WP_SPD", "WP_SPD_UP", "WP_SPD_DN"), unknown=Level.NOTE),
     *follows_setpoints("ArduPilot", (("WP_ACC", "level"), ("WP_ACC_Z", "up and down"))),
     *(
@@ -623,7 +634,7 @@ PROFILE = Profile(
     position_error_m=0.5,
     tracking_error_m=0.9,
     stray_s2=0.0,
-    landing_mps=0.5,  # LAND_SPEED
+    landing_mps=_LANDING_MPS,
     landed_hover_s=1.0,  # the motors stop after 3 s
     tilt_limits=("PSC_ANGLE_MAX", "ATC_ANGLE_MAX"),  # AC_PosControl: 0 means the second
     hover_thrust="MOT_THST_HOVER",

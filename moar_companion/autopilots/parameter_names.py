@@ -28,6 +28,7 @@ class Parameter(NamedTuple):
     default: the autopilot's. cautious: counts while the autopilot does not report the parameter;
     None: no value is the most cautious one, and no inspection begins. An escape, which has to be
     flown, then counts with the default. names: the newest first; empty: the key in all releases.
+    forbids: the cautious value, too, permits no inspection; then the parameter is the reason.
     """
 
     key: str
@@ -36,6 +37,12 @@ class Parameter(NamedTuple):
     names: tuple[Name, ...] = ()
     absent: float | None = None
     """What holds in releases before the first name; None: it is in all of them."""
+    forbids: bool = False
+
+    @property
+    def denies(self) -> bool:
+        """True if no inspection begins while the parameter is not reported."""
+        return self.cautious is None or self.forbids
 
     @property
     def all_names(self) -> tuple[Name, ...]:
@@ -62,6 +69,9 @@ class Parameters(Mapping[str, float | None]):
 
     def __getitem__(self, key: str) -> float | None:
         return self._values[key]
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._values
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)

@@ -271,6 +271,16 @@ def _covers(axis: int) -> Judge:
     return judge
 
 
+def landing_speed(least_mps: float) -> Judge:
+    """Judges the speed of a landing in m/s, with whose least value its energy is forecast."""
+
+    def judge(value: float, _: Case) -> Verdict:
+        words = f"{value:g} m/s, its energy is forecast with {least_mps:g}"
+        return (Level.OK if value >= least_mps - 1e-3 else Level.WARNING), words
+
+    return judge
+
+
 def cell_voltage(least_v: float) -> Judge:
     """Judges a threshold of the whole pack, which must not be below `least_v` for one cell."""
 

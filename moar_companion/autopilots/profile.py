@@ -27,7 +27,7 @@ class Unreported:
 
     names: tuple[str, ...] = ()
     denying: tuple[str, ...] = ()
-    """Those of them without a most cautious value: no inspection begins."""
+    """Those of them without which no inspection begins (`Parameter.denies`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,8 +207,7 @@ class Profile:
         denying = [
             key
             for key in silent
-            if self.parameters.row(key).cautious is None
-            and not (no_fence and key in self.fence_parameters)
+            if self.parameters.row(key).denies and not (no_fence and key in self.fence_parameters)
         ]
         return Unreported(names=parameters.shown(silent), denying=parameters.shown(denying))
 

@@ -37,6 +37,7 @@ from .parameter_rules import (
     Verdict,
     excepted,
     excepts_us,
+    landing_speed,
     reaction,
     shown,
     speed_limits,
@@ -98,6 +99,8 @@ _CHECKED = (
     # the judge distinguishes them by the name.
     Parameter("MAN_OVERRIDE_SPD", 1.0, None, (Name("MAN_OVERRIDE_SPD", (1, 18, 0)), Name(_STICKS))),
 )
+_LANDING_MPS = 0.7
+"""Default of MPC_LAND_SPEED, with which the energy of a landing is forecast."""
 _DRIFT_M = 4.5
 """Drift after the loss of GPS in OFFBOARD until landing; measured on v1.17."""
 _STICKS_BIT = 2
@@ -471,6 +474,12 @@ _RULES = (
         meaning="the height above home to which every return climbs first",
         unknown=Level.NOTE,
     ),
+    Rule(
+        parameter="MPC_LAND_SPEED",
+        judge=landing_speed(_LANDING_MPS),
+        meaning="the speed of PX4's landing",
+        remedy="set 0.7, or land with more charge",
+    ),
     *speed_limits("PX4", ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")),
     Rule(
         parameter="MAV_1_FORWARD",
@@ -536,7 +545,7 @@ PROFILE = Profile(
     position_error_m=1.4,
     tracking_error_m=1.15,
     stray_s2=0.58,
-    landing_mps=0.7,  # MPC_LAND_SPEED
+    landing_mps=_LANDING_MPS,
     landed_hover_s=5.0,  # the motors stop after 8 s
     tilt_limits=("MPC_TILTMAX_AIR",),
     hover_thrust="MPC_THR_HOVER",

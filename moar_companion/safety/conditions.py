@@ -357,7 +357,7 @@ CONDITIONS = (
     Condition(
         name="parameter_unknown",
         starts="the autopilot does not report a parameter on which the flight depends, and no "
-        "value of it is the most cautious one",
+        "value of it is the most cautious one, or that one permits no inspection",
         action=Action.CONTINUE,
         override=Override.SAFER,
     ),

@@ -31,6 +31,7 @@ PX4_AS_ASKED = {
     "BAT_LOW_THR": 0.15,
     "BAT_CRIT_THR": 0.07,
     "RTL_RETURN_ALT": 30.0,
+    "MPC_LAND_SPEED": 0.7,
     "MPC_XY_VEL_MAX": 12.0,
     "MPC_Z_VEL_MAX_UP": 3.0,
     "MPC_Z_VEL_MAX_DN": 1.5,
@@ -56,6 +57,7 @@ ARDUPILOT_AS_ASKED = {
     "BATT_LOW_MAH": 0.0,
     "BATT_CRT_MAH": 0.0,
     "RTL_ALT_M": 15.0,
+    "LAND_SPD_MS": 0.5,
     "WP_SPD": 10.0,
     "WP_SPD_UP": 3.0,
     "WP_SPD_DN": 1.5,
@@ -126,7 +128,7 @@ def test_a_parameter_that_was_not_received_is_unknown_and_never_passes(kind):
 def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked):
     unknown = unread(kind)
     table = profile(kind).parameters
-    denying = {key for key in profile(kind).flight_parameters if table.row(key).cautious is None}
+    denying = {key for key in profile(kind).flight_parameters if table.row(key).denies}
     values = [*map(float, range(-1, 65)), 0.25, 0.8, 1e4]
     for name in asked:
         may_be = {findings(kind, {**asked, name: value})[name].level for value in values}
@@ -286,6 +288,7 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("three cells' threshold for four", "BATT_LOW_VOLT", 10.5, WARNING, "2.62 V a cell"),
         ("no critical threshold", "BATT_CRT_VOLT", 0.0, NOTE, "0 (none)"),
         ("slower than the vehicle file", "WP_SPD", 3.0, WARNING, "3 m/s"),
+        ("a slow landing takes more energy", "LAND_SPD_MS", 0.3, WARNING, "forecast with 0.5"),
         ("height of the return in metres", "RTL_ALT_M", 15.0, NOTE, "15 m"),
         ("no drag coefficient", "EK3_DRAG_MCOEF", 0.0, NOTE, "the companion estimates it"),
     ],

@@ -76,7 +76,7 @@ def test_a_parameter_never_reported_never_shortens_the_stop_and_is_named(kind):
         unreported = profile(kind).unreported(silent)
         assert unreported.names == (name,)
         row = profile(kind).parameters.row(name)
-        assert unreported.denying == ((name,) if row.cautious is None else ())
+        assert unreported.denying == ((name,) if row.denies else ())
 
 
 # Stopping distance ------------------------------------------------------------------------------
