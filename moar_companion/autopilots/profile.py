@@ -196,19 +196,10 @@ class Profile:
         return parameters.with_silence(self.flight_parameters)
 
     def unreported(self, parameters: Parameters) -> Unreported:
-        """Parameters of a flight that were never reported.
-
-        Firmware can be built without a fence: it has none of the fence's parameters.
-        """
+        """Parameters of a flight that were never reported."""
         silent = [key for key in self.flight_parameters if parameters.get(key, 0.0) is None]
-        no_fence = len(silent) < len(self.flight_parameters) and set(self.fence_parameters) <= set(
-            silent
-        )
-        denying = [
-            key
-            for key in silent
-            if self.parameters.row(key).denies and not (no_fence and key in self.fence_parameters)
-        ]
+        optional = self.fence_parameters if self._is_without_fence(parameters) else ()
+        denying = [key for key in silent if self.parameters.row(key).denies and key not in optional]
         return Unreported(names=parameters.shown(silent), denying=parameters.shown(denying))
 
     def offboard_loss(self, parameters: Parameters) -> OffboardLoss | None:
@@ -239,13 +230,24 @@ class Profile:
         enabled: True if SYS_STATUS reports a fence. A parameter that was never reported counts as
         `unreported` says; a firmware with none of them has no limits but the uploaded areas.
         """
-        keys = self.fence_parameters
-        values = self._values(keys, parameters)
+        values = self._values(self.fence_parameters, parameters)
         if values is None or self.read_fence is None:
             return None
-        if all(parameters[key] is None for key in keys):
+        if self._is_without_fence(parameters):
             return Fence(areas=areas_of(items))
         return self.read_fence(values, areas_of(items), enabled)
+
+    def _is_without_fence(self, parameters: Parameters) -> bool:
+        """True for firmware that was built without a fence: it has none of its parameters.
+
+        Those that came later are absent in old firmware by their value.
+        """
+        fence = self.fence_parameters
+        later = {key for key in fence if self.parameters.row(key).absent is not None}
+        answers = any(
+            parameters.get(key) is not None for key in self.flight_parameters if key not in fence
+        )
+        return answers and all(key in later or parameters.get(key, 0.0) is None for key in fence)
 
     def _values(self, keys: tuple[str, ...], parameters: Parameters) -> Values | None:
         """Values; None while one is awaited."""

@@ -43,6 +43,8 @@ class FlightLimits:
         self._fences = SiteFence(None, config.supervision.fence_margin_m)
         self.unreported = Unreported()
         """Parameters that the autopilot never reported."""
+        self._reported: tuple[str, ...] = ()
+        """Names of the last text about them."""
         self.fence: PlaneFence | None = None
         """Part of the autopilot's fence that cuts the site: plans stay inside."""
         self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
@@ -139,13 +141,14 @@ class FlightLimits:
             flight.learn_fence(plane)
 
     def _learn_unreported(self, kind: AutopilotKind, parameters: Parameters, now_s: float) -> None:
-        """Reports the parameters that the autopilot never sent, once none is awaited any more."""
+        """Takes the parameters that the autopilot never sent; reports them when none is awaited."""
         known = profile(kind)
-        if any(key not in parameters for key in known.flight_parameters):
-            return
-        before, self.unreported = self.unreported, known.unreported(parameters)
+        self.unreported = known.unreported(parameters)
         names = self.unreported.names
-        if names and names != before.names:
+        if names == self._reported or any(key not in parameters for key in known.flight_parameters):
+            return
+        self._reported = names
+        if names:
             text = pilot_texts.UNREPORTED(
                 count=len(names), plural=plural(len(names)), detail=", ".join(names)
             )

@@ -103,10 +103,13 @@ def test_an_unreported_switch_of_the_fence_counts_as_on_and_a_margin_as_the_grea
 
 def test_firmware_that_was_built_without_a_fence_has_none():
     known = profile(ARDUPILOT)
-    silent = Parameters({**known.parameters.defaults, **dict.fromkeys(known.fence_parameters)})
-    assert known.fence(silent, ()) == Fence()
-    assert known.unreported(silent).denying == ()
-    assert "FENCE_RADIUS" in known.unreported(silent).names
+    for later in ({}, {"FENCE_MARGIN_XY": 0.0, "FENCE_AUTOENABLE": 0.0}):
+        silent = Parameters(
+            {**known.parameters.defaults, **dict.fromkeys(known.fence_parameters), **later}
+        )
+        assert known.fence(silent, ()) == Fence()
+        assert known.unreported(silent).denying == ()
+        assert "FENCE_RADIUS" in known.unreported(silent).names
 
 
 def test_fence_items_become_polygons_and_circles_in_their_order():

@@ -35,7 +35,7 @@ def test_no_mission_starts_before_the_parameters_are_received_or_given_up():
     desk.run(1.2).order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("parameters not read yet")
-    desk.run(14.0).order(INSPECTION, 0.0).run(0.5)
+    desk.run(25.0).order(INSPECTION, 0.0).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED] * 2
     assert desk.said(" parameters unread, taken as worst")
     assert desk.said("unread: COM_OBL_RC_ACT and 12 more")

@@ -290,6 +290,16 @@ STORIES = [
         },
     ),
     ("no battery", with_telemetry(batteries={}), {"unmonitored": "unknown: battery"}),
+    (
+        "a parameter is not reported",
+        replace(IN_FLIGHT, parameters_unknown=("RTL_ALT_M",)),
+        {"parameter_unknown": "unread: RTL_ALT_M"},
+    ),
+    (
+        "many parameters are not reported",
+        replace(IN_FLIGHT, parameters_unknown=("COM_OBL_RC_ACT", "NAV_RCL_ACT", "RTL_TYPE")),
+        {"parameter_unknown": "unread: COM_OBL_RC_ACT and 2 more (NAV_RCL_ACT, RTL_TYPE)"},
+    ),
     ("a battery 15 s silent", drains(received_s=85.0), {}),
     (
         "silent for longer",
