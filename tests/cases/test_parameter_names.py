@@ -164,13 +164,13 @@ def test_half_a_metre_per_second_squared_is_flown_as_such_by_either_name(release
     flight.operator.mission(INSPECTION, 0)
     flight.run(3.0)
     assert flight.operator.answers() == [DENIED]
-    assert flight.companion.session.requests.parameters["WP_ACC"] == 0.5
-    loss = flight.companion._executor.routes.limits.offboard_loss.loss
-    assert loss.follows_mps2 == 0.5
-    assert loss.follows_remedy(1.0).startswith(f"set {name} and ")
+    assert "MOAR: ArduPilot brakes 0.5 < 1 m/s2, denied" in flight.operator.texts()
+    reasons = [item.data.get("reason", "") for item in flight.decisions if item.kind == "answer"]
+    assert f"set {name} and {name}_Z " in reasons[-1]
     flight.operator.mission(EXIT, 0)
     flight.run(3.0)
     flight.run_until(lambda: flight.state == "holding", 150.0)
+    flight.run(1.0)
     assert "above the landing point" in " ".join(flight.operator.texts())
     (x_m, _), space = flight.site.landing_m[Mission.EXIT][0], flight.site.workspace
     for place in true_places(flight):

@@ -62,6 +62,12 @@ def _handle(receive, wanted, limit=20_000):
         (["--speed", "fast"], "invalid float value"),
         (["--autopilot", "apm"], "invalid choice"),
         (["--param", "NO_SUCH=1"], "no parameter is named 'NO_SUCH'"),
+        (["--firmware", "4.7"], "--firmware '4.7': must be MAJOR.MINOR.PATCH"),
+        (["--firmware", "1.300.0"], "must be MAJOR.MINOR.PATCH"),
+        (
+            ["--autopilot", "ardupilot", "--firmware", "4.7.0", "--param", "RTL_ALT=1500"],
+            "no parameter is named 'RTL_ALT'",
+        ),
         (["--param", "COM_OF_LOSS_T=100"], "not between 0 and 60"),
         (["--param", "COM_OF_LOSS_T"], "must be NAME=NUMBER"),
         (
