@@ -29,6 +29,7 @@ DEFAULTS = {kind: profile(kind).parameters.defaults for kind in (PX4, ARDUPILOT)
 
 
 def loss(kind, **parameters):
+    assert parameters.keys() <= DEFAULTS[kind].keys()
     return profile(kind).offboard_loss(Parameters({**DEFAULTS[kind], **parameters}))
 
 
@@ -199,6 +200,12 @@ def _px4(manner):
     return manner is Manner.PX4
 
 
+def _ours(kind, parameters):
+    """Parameters of the fake by their keys and in our units."""
+    rows = [(*profile(kind).parameters.ours(name), value) for name, value in parameters.items()]
+    return {key: value * name.scale for key, name, value in rows}
+
+
 def assert_stops_within_bound(manner, wind_mps, flights, **parameters):
     hovering = Alone(manner, wind_mps)
     kind = PX4 if _px4(manner) else ARDUPILOT
@@ -207,7 +214,7 @@ def assert_stops_within_bound(manner, wind_mps, flights, **parameters):
         place = flown.fly(STRAIGHT[name], speed_mps, parameters)
         for timeout_s in timeouts_s:
             timeout = {} if _px4(manner) else {"GUID_TIMEOUT": timeout_s}
-            found = loss(kind, **parameters, **timeout)
+            found = loss(kind, **_ours(kind, parameters), **timeout)
             stopping_m = copy_of(flown).stopping_m(place, STRAIGHT[name], timeout_s)
             bound_m = float(found.stopping_m(np.array(speed_mps)))
             least_m = 0.0 if parameters else 0.3 * bound_m
