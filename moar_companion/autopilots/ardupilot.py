@@ -119,8 +119,8 @@ _FENCE = (
     Parameter("FENCE_RADIUS", 300.0),
     Parameter("FENCE_AUTOENABLE", 0.0, 1.0, (Name("FENCE_AUTOENABLE", (4, 6, 0)),), 0.0),  # on
     Parameter("FENCE_ENABLE", 0.0, 1.0),  # on
-    Parameter("FENCE_MARGIN", 2.0, 10.0),  # the greatest of its range
-    Parameter("FENCE_MARGIN_XY", 0.0, 10.0, (Name("FENCE_MARGIN_XY", _4_7),), 0.0),
+    Parameter("FENCE_MARGIN", 2.0, 10.0),  # the greatest of their ranges
+    Parameter("FENCE_MARGIN_XY", 0.0, 50.0, (Name("FENCE_MARGIN_XY", _4_7),), 0.0),
     Parameter("FENCE_OPTIONS", 0.0, 0.0),  # no union: all inclusion areas have to be kept
     Parameter("FENCE_TYPE", 7.0, 15.0),  # all kinds of limits
 )

@@ -8,7 +8,7 @@ them moves the aircraft: that is `autopilot_control`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 
 from ..autopilots import profile
 from ..autopilots.parameter_names import Parameters
@@ -88,12 +88,12 @@ class AutopilotRequests:
         """True while the autopilot does not answer requests of its uploaded fence."""
         return self._fence is not None and self._fence.silent
 
-    def want_parameters(self, names: Iterable[str], *, changing: bool = False) -> None:
+    def want_parameters(self, keys: Collection[str], *, changing: bool = False) -> None:
         """Adds parameters to request, and again after the autopilot's restart.
 
         changing: requests them periodically, for parameters that may change in flight.
         """
-        self._parameters.want(names, changing=changing)
+        self._parameters.want(keys, changing=changing)
 
     def want_fence(self) -> None:
         """Starts the periodic download of the uploaded fence."""

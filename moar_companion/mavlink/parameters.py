@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from operator import itemgetter
 
 from ..autopilots import profile
@@ -64,16 +64,16 @@ class ParameterRequests:
         self._again: dict[str, tuple[int, float]] = {}
         """Number and time of the last request of a known or missing parameter, by key."""
 
-    def want(self, keys: Iterable[str], *, changing: bool = False) -> None:
+    def want(self, keys: Collection[str], *, changing: bool = False) -> None:
         """Adds parameters to request, after all earlier ones; changing: periodically."""
-        rank = 1 + max(self._rank.values(), default=0)
-        for key in keys:
-            self._rank.setdefault(key, rank)
-            if changing:
-                self._changing.add(key)
-            if key not in self._values:
-                self._asked.setdefault(key, (0, -math.inf))
-        self._apply_release()
+        new = [key for key in keys if key not in self._rank]
+        if changing:
+            self._changing.update(keys)
+        if new:
+            rank = 1 + max(self._rank.values(), default=0)
+            self._rank.update(dict.fromkeys(new, rank))
+            self._asked.update(dict.fromkeys(new, (0, -math.inf)))
+            self._apply_release()
 
     def start(self, known: Profile, now_s: float) -> None:
         """Requests all parameters of a found or restarted autopilot, by the names of its kind."""
