@@ -15,6 +15,7 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.autopilots import kind_of, profile
 from moar_companion.companion.companion import Companion
 from moar_companion.config import Authority, CompanionConfig, Supervision, shipped_configs
 from moar_companion.estimation.pose_tracker import SiteMaps
@@ -39,6 +40,8 @@ MAP_DELAY_S = 0.02
 USER_1 = 31010
 PAUSE_CONTINUE = 193
 DO_SET_MODE = 176
+_VERSION_REQUEST = (512, 148)
+"""MAV_CMD_REQUEST_MESSAGE of AUTOPILOT_VERSION."""
 HOLD, EXIT, INSPECTION, EVACUATION, RELEASE = 0, 2, 1, 3, 4
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = range(7)
 KEEP_OUT_M = 0.9
@@ -226,6 +229,8 @@ class Desk(ScriptedAutopilot):
             case "TIMESYNC" if message.tc1 == 0 and "TIMESYNC" not in self.mute:
                 answer = mavlink.MAVLink_timesync_message(round(self.boot_s * 1e9), message.ts1)
                 self._in_the_air.append((self.now_s, self.autopilot.pack(answer)))
+            case "COMMAND_LONG" if (message.command, message.param1) == _VERSION_REQUEST:
+                self.report_version()
             case "COMMAND_LONG" if (
                 message.command == DO_SET_MODE and "COMMAND_ACK" not in self.mute
             ):
@@ -262,6 +267,15 @@ class Desk(ScriptedAutopilot):
 
     def order(self, mission, index=-1.0, *, command=USER_1, peer=None, target=(1, 195)):
         return self.handle((peer or self.operator).command(command, mission, index, target=target))
+
+    def report_version(self):
+        """AUTOPILOT_VERSION of the release whose names the parameters have."""
+        release = profile(kind_of(self.kind)).assumed_release
+        zeros = [0] * 8
+        reported = mavlink.MAVLink_autopilot_version_message(
+            0, int.from_bytes(bytes((*release, 255)), "big"), 0, 0, 0, zeros, zeros, zeros, 0, 0, 0
+        )
+        self.handle(self.autopilot.pack(reported))
 
     def report_parameter(self, name):
         """PARAM_VALUE: the answer to a request, or the report of a change."""
