@@ -5,7 +5,8 @@ as it must; lockstep tests check its behaviour after a pause exactly. A test in 
 while the machine was paused proves nothing. It is flown again, and skipped if the machine pauses
 each time. A test that fails on a machine without pauses has failed.
 
-As a program this module is the witness: it reads the clock on each processor and prints its delays.
+As a program this module is the witness: it reads the clock on each processor and prints when it was
+delayed, and for how long.
 """
 
 from __future__ import annotations
@@ -25,29 +26,38 @@ _RECENT_S = 120.0
 _LOOK_S = 0.02
 _LATE_S = 0.1
 
-_stood_still_s: list[float] = []
-"""Times at which the machine did, by `time.monotonic()`."""
+_pauses: list[tuple[float, float]] = []
+"""Pauses of the machine in the tests of this process."""
 
 
-@pytest.fixture(scope="session")
-def witness():
-    """Looks at the clock while tests fly in real time."""
+@contextlib.contextmanager
+def watched(pauses):
+    """Look at the clock; each pause of the machine is appended: (end by `time.monotonic()`, s)."""
     with subprocess.Popen(
         [sys.executable, __file__], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
     ) as running:
 
         def note():
-            _stood_still_s.extend(float(line) for line in running.stdout)
+            pauses.extend(tuple(map(float, line.split())) for line in running.stdout)
 
         noting = threading.Thread(target=note)
         noting.start()
+        try:
+            yield
+        finally:
+            running.kill()
+            noting.join()
+
+
+@pytest.fixture(scope="session")
+def witness():
+    """Looks at the clock while tests fly in real time."""
+    with watched(_pauses):
         yield
-        running.kill()
-        noting.join()
 
 
 def _machine_stood_still():
-    return any(time.monotonic() - then_s < _RECENT_S for then_s in _stood_still_s)
+    return any(time.monotonic() - end_s < _RECENT_S for end_s, _ in _pauses)
 
 
 def real_time(test):
@@ -81,7 +91,7 @@ def _look_loop(processor):
         time.sleep(_LOOK_S)
         now_s = time.monotonic()
         if now_s - then_s > _LOOK_S + _LATE_S:
-            sys.stdout.write(f"{now_s}\n")
+            sys.stdout.write(f"{now_s} {now_s - then_s - _LOOK_S}\n")
             sys.stdout.flush()
         then_s = now_s
 

@@ -6,17 +6,22 @@ import bisect
 import contextlib
 import json
 import math
-from dataclasses import asdict, dataclass, field
+import shutil
+import time
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
+import shapely
 from pymavlink import mavutil
 
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import OperatorError
-from tests.flights.judging import clearances_m, local_place
+from tests.flights.judging import clearances_m, local_place, shape
 from tests.flights.operator import Manner
+from tests.liveness.tap import clock_s
 
 from .rig import LET_GO, Rig
+from .stalls import around, slowest
 
 _RECORDED = ["SET_POSITION_TARGET_LOCAL_NED", "LOCAL_POSITION_NED", "HEARTBEAT"]
 _FRESH_S = 0.1
@@ -28,6 +33,13 @@ _NOTICE_ON_LOSSY_LINK_S = 0.3
 """0.2 s under way, and five losses in a row of mode reports, which come fifty times a second."""
 _SWITCH_DEBOUNCE_S = 0.2
 """Debounce time of ArduPilot's mode switch (RC_Channel)."""
+
+
+MOST_FLIGHTS = 3
+"""Flights of a row: those that the machine spoilt, and the one that counts."""
+_SLOWEST = 0.8
+"""Least speed of a simulator's clock, over 10 s, at which a flight counts: timeouts of the operator
+and the companion are in real time."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +55,10 @@ class Row:
     clearance_m: float | None = None
     """Hull to obstacle, least, by truth, from take-off to landing, or to a LAND of the operator's
     elsewhere than above a landing point."""
+    clearance_whole_m: float | None = None
+    """The same over the whole flight."""
     keep_out_margin_m: float | None = None
-    """Hull to keep-out, least."""
+    """Hull to keep-out, least, until the operator's LAND."""
     believed_margin_m: float | None = None
     """The same by the autopilot's own position, in the companion's mode."""
     error_mean_m: float | None = None
@@ -58,30 +72,72 @@ class Row:
     speed_max_mps: float | None = None
     let_go: str | None = None
     """State and text of a release by the companion before the landing."""
-    expected_let_go: bool = False
+    let_go_after_s: float | None = None
+    """Time from its cause to the release."""
+    after_release: str | None = None
+    """Nearest obstacle after the release, and hull to obstacle there: 0 or less is a hit."""
+    expected_let_go: str | None = None
+    """Words of the release that the scenario causes."""
+    expected_after_s: tuple[float, float] | None = None
     takeover_s: float | None = None
     state: str | None = None
     landed: bool = False
+    shown: str = ""
+    """Reason why clearance and release are shown and not judged."""
+    objections: list[str] = field(default_factory=list)
+    """Faults that the scenario itself found."""
+    delays: list[str] = field(default_factory=list)
+    """Delays of the autopilot's position in flight, by cause, the longest first."""
+    spoilt: str | None = None
+    """Delay of the simulator or the machine that explains the faults; None without faults."""
+    spoilt_before: list[str] = field(default_factory=list)
+    """Faults and delays of earlier flights of this row."""
     states: list[str] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
     autopilot_texts: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     @property
+    def collision(self):
+        """Objection against the distance from an obstacle; None without one."""
+        if self.shown or self.keep_out_margin_m is None or self.keep_out_margin_m >= 0.0:
+            return None
+        after = f", after the release: {self.after_release}" if self.after_release else ""
+        return (
+            f"{self.clearance_m:.2f} m from an obstacle,"
+            f" {-self.keep_out_margin_m:.2f} m inside its keep-out{after}"
+        )
+
+    @property
+    def release_faults(self):
+        """Objections against a release or its absence."""
+        if self.shown:
+            return []
+        if not self.expected_let_go:
+            return [f"let go: {self.let_go}"] if self.let_go else []
+        if not self.let_go:
+            return ["was to let go, and did not"]
+        faults = []
+        if self.expected_let_go not in self.let_go:
+            faults.append(f"let go: {self.let_go}, not: {self.expected_let_go}")
+        if self.expected_after_s is not None:
+            least_s, most_s = self.expected_after_s
+            if self.let_go_after_s is None or not least_s <= self.let_go_after_s <= most_s:
+                faults.append(
+                    f"let go {_text(self.let_go_after_s, ' s')} after the cause,"
+                    f" not {least_s:g} to {most_s:g} s"
+                )
+        return faults
+
+    @property
     def faults(self):
         """Objections against this flight."""
         faults = [self.problem] if self.problem else []
-        if self.keep_out_margin_m is not None and self.keep_out_margin_m < 0.0:
-            faults.append(
-                f"{self.clearance_m:.2f} m from an obstacle,"
-                f" {-self.keep_out_margin_m:.2f} m inside its keep-out"
-            )
-        if self.let_go and not self.expected_let_go:
-            faults.append(f"let go: {self.let_go}")
-        if self.expected_let_go and not self.let_go:
-            faults.append("was to let go, and did not")
+        faults += [self.collision] if self.collision else []
+        faults += self.release_faults
+        faults += self.objections
         notice_s = _NOTICE_ON_LOSSY_LINK_S if self.scenario == "lossy_link" else _NOTICE_S
-        if self.scenario == "takeover_by_sticks" and self.kind.endswith("ardupilot"):
+        if self.scenario == "takeover_by_sticks" and "ardupilot" in self.kind:
             notice_s += _SWITCH_DEBOUNCE_S
         if self.takeover_s is not None and self.takeover_s > notice_s:
             faults.append(f"the takeover was noticed after {self.takeover_s:.2f} s")
@@ -91,8 +147,28 @@ class Row:
 
 
 def flown(kind, scenario, folder, *, speed=None):
-    """Fly a scenario and return its row; all files are in the folder."""
+    """Fly a scenario until the machine does not spoil it, up to `MOST_FLIGHTS` times.
+
+    Returns the row of the last flight. All its files are in the folder, those of a spoilt flight in
+    a folder beside it.
+    """
+    spoilt_before = []
+    while True:
+        row = flown_once(kind, scenario, folder, speed=speed)
+        row = replace(row, spoilt_before=list(spoilt_before))
+        if row.spoilt is None or len(spoilt_before) + 1 >= MOST_FLIGHTS:
+            (folder / "row.json").write_text(json.dumps(asdict(row), indent=1))
+            return row
+        spoilt_before.append(f"{'; '.join(row.faults)} ({row.spoilt})")
+        kept = folder.with_name(f"{folder.name}-spoilt{len(spoilt_before)}")
+        shutil.rmtree(kept, ignore_errors=True)
+        folder.rename(kept)
+
+
+def flown_once(kind, scenario, folder, *, speed=None):
+    """Fly a scenario once and return its row; all files are in the folder."""
     speed = scenario.speed if speed is None else speed
+    folder.mkdir(parents=True, exist_ok=True)
     reason = scenario.unable(kind)
     if reason is not None:
         return Row(kind.name, scenario.name, speed, None, unable=reason)
@@ -117,28 +193,30 @@ def flown(kind, scenario, folder, *, speed=None):
                     rig.land()
                 rig.watch(2.0)
     rig.decisions.read()  # the service has ended and written everything
-    row = _row(rig, kind, scenario, speed, problem)
-    (folder / "row.json").write_text(json.dumps(asdict(row), indent=1))
-    return row
+    return _row(rig, kind, scenario, speed, problem)
 
 
 def _row(rig: Rig, kind, scenario, speed, problem):
-    places = [place for place in rig.truth.places[: rig.judged] if not place.on_ground]
-    points = [place.position_m for place in places]
-    if points:
-        clearance = float(min(clearances_m(rig.site, points))) - rig.vehicle.radius_m
+    judged = [place for place in rig.truth.places[: rig.judged] if not place.on_ground]
+    whole = [place for place in rig.truth.places if not place.on_ground]
+    margin = None
+    if judged:
+        points = [place.position_m for place in judged]
         margin = float(min(clearances_m(rig.site, points, keep_out=True))) - rig.vehicle.radius_m
-    errors = _errors_m(rig, places)
+    errors = _errors_m(rig, judged)
     tracking, believed = _tracking_m(rig)
     companion = [item for item in rig.operator.received_texts if item.companion]
     states = [state for _, state in rig.decisions.states]
-    return Row(
+    let_go, released_s = _let_go(rig, companion) or (None, None)
+    expected = scenario.release
+    row = Row(
         kind=kind.name,
         scenario=scenario.name,
         speed=speed,
         problem=problem,
-        clearance_m=round(clearance, 3) if points else None,
-        keep_out_margin_m=round(margin, 3) if points else None,
+        clearance_m=_nearest(rig, judged)[0],
+        clearance_whole_m=_nearest(rig, whole)[0],
+        keep_out_margin_m=None if margin is None else round(margin, 3),
         believed_margin_m=_believed_margin_m(rig, believed),
         error_mean_m=_rounded(np.mean, errors),
         error_p95_m=_rounded(_p95, errors),
@@ -146,17 +224,69 @@ def _row(rig: Rig, kind, scenario, speed, problem):
         tracking_mean_m=_rounded(np.mean, tracking),
         tracking_p95_m=_rounded(_p95, tracking),
         tracking_max_m=_rounded(np.max, tracking),
-        speed_max_mps=_speed_max_mps(places, speed),
-        let_go=_let_go(rig, companion),
-        expected_let_go=scenario.let_go,
+        speed_max_mps=_speed_max_mps(judged, speed),
+        let_go=let_go,
+        let_go_after_s=_after_cause_s(rig, released_s),
+        after_release=_after_release(rig, whole, released_s),
+        expected_let_go=None if expected is None else getattr(expected, kind.autopilot),
+        expected_after_s=None if expected is None else (expected.least_s, expected.most_s),
         takeover_s=None if rig.takeover_s is None else round(rig.takeover_s, 3),
         state=states[-1] if states else None,
         landed=_landed(rig),
+        shown=scenario.shown,
+        objections=rig.objections,
         states=states,
         texts=[item.text for item in companion],
         autopilot_texts=[item.text for item in rig.operator.received_texts if not item.companion],
         notes=rig.notes,
     )
+    delays = rig.stalls()
+    longest = sorted(delays, key=lambda stall: -stall.length_s)
+    return replace(
+        row,
+        delays=[str(stall) for stall in longest],
+        spoilt=spoilt(row, delays, released_s, slowest(rig.link.positions)),
+    )
+
+
+def spoilt(row, delays, released_s, least_speed):
+    """Delay of the simulator or the machine that explains a row's faults; None without one.
+
+    A distance from an obstacle is never excused. A wrong release is, by a delay at its time; other
+    faults are by any delay of the flight.
+    """
+    if not row.faults or row.collision:
+        return None
+    if row.release_faults and released_s is not None:
+        delays = around(delays, released_s)
+    elif least_speed is not None and least_speed < _SLOWEST:
+        return f"simulator at {least_speed:.2f} of its speed"
+    return str(max(delays, key=lambda stall: stall.length_s)) if delays else None
+
+
+def _nearest(rig, places):
+    """Least distance from hull to obstacle, and that obstacle's name; (None, None) without one."""
+    if not places or not rig.site.obstacles:
+        return None, None
+    points = shapely.points([place.position_m[::2] for place in places])
+    distances = [float(shapely.distance(shape(item), points).min()) for item in rig.site.obstacles]
+    least = min(distances)
+    name = rig.site.obstacles[distances.index(least)].name
+    return round(least - rig.vehicle.radius_m, 3), name
+
+
+def _after_release(rig, places, released_s):
+    """Nearest obstacle after a release; None without a release in the air."""
+    if released_s is None:
+        return None
+    distance_m, name = _nearest(rig, [place for place in places if place.time_s > released_s])
+    return None if name is None else f"{name} {distance_m:.2f} m"
+
+
+def _after_cause_s(rig, released_s):
+    if released_s is None or rig.cause_s is None:
+        return None
+    return round((released_s - rig.cause_s) * rig.speed, 2)
 
 
 def _rounded(function, values):
@@ -251,50 +381,81 @@ def _speed_max_mps(places, speed):
 
 
 def _let_go(rig, companion):
-    """Release by the companion before a pilot took over or gave LAND; None without one."""
-    for _, state in rig.decisions.states[: rig.states_in_charge]:
+    """Release by the companion before a pilot took over or gave LAND: its text and time, or None.
+
+    The time is by `clock_s`; the text's reception, or without a text the state's record.
+    """
+    for time_s, state in rig.decisions.states[: rig.states_in_charge]:
         if state in LET_GO:
-            texts = [text.text for text in companion if text.text.endswith(f", {state}")]
-            return texts[0] if texts else state
+            for text in companion:
+                if text.text.endswith(f", {state}"):
+                    return text.text, text.time_s
+            return state, time_s - time.time() + clock_s()
     return None
 
 
 _COLUMNS = (
-    "aircraft | scenario | hull to obstacle | to keep-out | by estimate"
-    " | truth to setpoint, mean/p95/max | estimate to setpoint | fastest"
-    " | let go | takeover | final state | against it"
+    "scenario | aircraft | hull to obstacle, whole flight | to keep-out: truth | estimate"
+    " | truth to setpoint | estimate to setpoint | fastest"
+    " | let go | after it | takeover | against it | machine"
 )
+_WHO = {"px4": "PX4", "ardupilot": "ArduPilot"}
 
 
 def table(rows):
     """A Markdown table of rows."""
     lines = [f"| {_COLUMNS} |", "|" + "---|" * (_COLUMNS.count("|") + 1)]
     for row in rows:
+        begin = (f"`{row.scenario}`", _named(row.kind))
         if row.unable:
-            lines.append(f"| {row.kind} | {row.scenario} | not flown: {row.unable} |" + " |" * 9)
-            continue
-        errors = _three(row.error_mean_m, row.error_p95_m, row.error_max_m)
-        tracking = _three(row.tracking_mean_m, row.tracking_p95_m, row.tracking_max_m)
-        cells = (
-            row.kind,
-            row.scenario,
-            _text(row.clearance_m, " m"),
-            _text(row.keep_out_margin_m, " m"),
-            _text(row.believed_margin_m, " m"),
-            errors,
-            tracking,
-            _text(row.speed_max_mps, " m/s"),
-            row.let_go or "no",
-            _text(row.takeover_s, " s"),
-            f"{row.state}{'' if row.landed else ', not landed'}",
-            "; ".join(row.faults) or "nothing",
-        )
+            cells = (*begin, f"not flown: {row.unable}", *[""] * (_COLUMNS.count("|") - 2))
+        else:
+            cells = (*begin, *_cells(row))
         lines.append(f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |")
     return "\n".join(lines) + "\n"
 
 
+def _cells(row):
+    against = row.faults
+    if row.shown:
+        against = [f"not judged: {row.shown}", *against]
+    return (
+        f"{_text(row.clearance_m)}, {_text(row.clearance_whole_m)}",
+        _text(row.keep_out_margin_m),
+        _text(row.believed_margin_m),
+        _three(row.error_mean_m, row.error_p95_m, row.error_max_m),
+        _three(row.tracking_mean_m, row.tracking_p95_m, row.tracking_max_m),
+        _text(row.speed_max_mps),
+        _release_text(row),
+        row.after_release or "",
+        _text(row.takeover_s),
+        "; ".join(against) or "nothing",
+        _machine_text(row),
+    )
+
+
+def _named(kind):
+    real, autopilot, *release = kind.split("-")
+    return " ".join((real, _WHO[autopilot], *release))
+
+
+def _release_text(row):
+    if row.let_go is None:
+        return "no"
+    text = row.let_go.removeprefix("MOAR: ")
+    return text if row.let_go_after_s is None else f"{text}, {row.let_go_after_s:.1f} s"
+
+
+def _machine_text(row):
+    """Longest delay in the flight; flights before it that the machine spoilt."""
+    texts = [f"spoilt by {row.spoilt}"] if row.spoilt else row.delays[:1]
+    if row.spoilt_before:
+        texts.append(f"flight {len(row.spoilt_before) + 1}: {'; '.join(row.spoilt_before)}")
+    return ", ".join(texts)
+
+
 def _three(*values):
-    return "/".join(map(_text, values)) + " m" if None not in values else ""
+    return "/".join(map(_text, values)) if None not in values else ""
 
 
 def _text(value, unit=""):

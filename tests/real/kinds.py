@@ -1,4 +1,4 @@
-"""The four aircraft of the scenarios, and the parameters that cause trouble on each of them.
+"""The aircraft of the scenarios, and the parameters that cause trouble on each of them.
 
 The user has built the real autopilots; an environment variable has the path of each. Trouble is
 caused by parameters, as a ground station sets them; None where a simulator cannot do it.
@@ -32,31 +32,40 @@ LOW_PERCENT, CRITICAL_PERCENT = 13.0, 6.0
 """PX4 calls 15 % low and 7 % critical; ArduPilot by `battery_thresholds`."""
 CROSSING_PERCENT = 0.5
 """ArduPilot acts on a threshold that is crossed, and BATTERY_RESET crosses none: 2 s of flight."""
-VARIABLES = {"px4": "MOAR_PX4_BUILD", "ardupilot": "MOAR_ARDUPILOT_BINARY"}
+VARIABLES = {
+    "real-px4": "MOAR_PX4_BUILD",
+    "real-ardupilot": "MOAR_ARDUPILOT_BINARY",
+    "real-ardupilot-4.7": "MOAR_ARDUPILOT_47_BINARY",
+}
 
 
 @dataclass(frozen=True)
 class Kind:
-    """autopilot: "px4" or "ardupilot"; real: not the fake."""
+    """autopilot: "px4" or "ardupilot"; real: not the fake.
+
+    release: firmware with other names of parameters than the first one flown; "" for that one.
+    """
 
     autopilot: str
     real: bool
+    release: str = ""
 
     @property
     def name(self):
-        return f"{'real' if self.real else 'fake'}-{self.autopilot}"
+        release = f"-{self.release}" if self.release else ""
+        return f"{'real' if self.real else 'fake'}-{self.autopilot}{release}"
 
     @property
     def path(self):
         """Path of the real autopilot; None without one, or for a fake one."""
-        text = os.environ.get(VARIABLES[self.autopilot]) if self.real else None
+        text = os.environ.get(VARIABLES[self.name]) if self.real else None
         return Path(text).resolve() if text else None
 
     @property
     def missing(self):
         """Reason why this kind cannot be flown here; None if it can."""
         if self.real and self.path is None:
-            return f"{VARIABLES[self.autopilot]} is not set"
+            return f"{VARIABLES[self.name]} is not set"
         return None
 
     def wind(self, speed_mps, from_deg):
@@ -89,7 +98,14 @@ class Kind:
             return {"SIM_GPS_MODE": 0 if found else 1}
         if self.autopilot == "px4":
             return {"SIM_GPS_USED": 10 if found else 0}
+        if self.release:
+            return {"SIM_GPS1_ENABLE": int(found)}
         return {"SIM_GPS_DISABLE": 0 if found else 1}
+
+    def gps_offset(self, north_deg, east_deg, up_m):
+        """Parameters of a receiver that reports a place beside the true one (ArduPilot)."""
+        name = "SIM_GPS1_GLTCH" if self.release else "SIM_GPS_GLITCH"
+        return {f"{name}_X": north_deg, f"{name}_Y": east_deg, f"{name}_Z": up_m}
 
 
 KINDS = {
@@ -99,5 +115,6 @@ KINDS = {
         Kind("ardupilot", real=False),
         Kind("px4", real=True),
         Kind("ardupilot", real=True),
+        Kind("ardupilot", real=True, release="4.7"),
     )
 }

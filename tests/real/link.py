@@ -9,9 +9,13 @@ import random
 import selectors
 import time
 
-from tests.liveness.tap import Tap
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.liveness.tap import Tap, clock_s
 
 _POLL_S = 0.01
+_POSITION = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+_POSITION_ID = _POSITION.to_bytes(3, "little")
 
 
 class Link(Tap):
@@ -28,6 +32,11 @@ class Link(Tap):
         self._delay_s = (0.0, 0.0)
         self._late = []
         self._numbers = itertools.count()
+        self._positions = mavlink.MAVLink(None)
+        self._positions.robust_parsing = True
+        self.positions = []
+        """(arrival, time_boot_ms in seconds) of each LOCAL_POSITION_NED of the autopilot; simulator
+        seconds, the arrival by `clock_s`."""
         super().__init__(service_port)
 
     def impair(self, loss, least_delay_s, most_delay_s):
@@ -56,6 +65,7 @@ class Link(Tap):
         inward = source is self._inner
         if inward:
             data, self._autopilot = source.recvfrom(65536)
+            self._note_position(data)
         else:
             data, stamps, _, _ = source.recvmsg(65536, 256)
             self._note(data, stamps)
@@ -67,6 +77,13 @@ class Link(Tap):
             heapq.heappush(self._late, (due_s, next(self._numbers), inward, data))
         else:
             self._send(inward, data)
+
+    def _note_position(self, data):
+        if _POSITION_ID not in data:
+            return
+        for message in self._positions.parse_buffer(data) or []:
+            if message.get_msgId() == _POSITION:
+                self.positions.append((clock_s() * self._speed, message.time_boot_ms * 1e-3))
 
     def _send(self, inward, data):
         if inward:

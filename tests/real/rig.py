@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 
 import yaml
@@ -25,10 +26,12 @@ from sitl.demonstration.weather import set_battery
 from tests.flights.judging import in_plane
 from tests.liveness.rig import ROOT, Service
 from tests.liveness.tap import clock_s
+from tests.real_time import watched
 
 from .ground import TAKEOVER_MODE, GroundStation
 from .kinds import BASE, CROSSING_PERCENT
 from .link import Link
+from .stalls import MACHINE, Stall, stalls
 
 LET_GO = ("released", "overridden")
 _IN_AIR = 2
@@ -174,16 +177,22 @@ class Rig:
             self._operator_port, kind.autopilot, speed=speed, look=self.truth.read
         )
         stack.callback(self.operator.close)
+        self._pauses = []
+        stack.enter_context(watched(self._pauses))
         self._starts = 0
         self._autopilot = None
         self.start_autopilot()
         stack.callback(self._end_autopilot)
         self.expects_release = False
+        self.cause_s = None
+        """Time of the event that causes a release."""
         self.judged = None
         """Number of judged places: all, or those before a LAND of the operator's."""
         self.states_in_charge = None
         """Number of states when the pilot took over, or LAND was given."""
         self.takeover_s = None
+        self.objections = []
+        """Faults that the scenario itself found."""
         self.notes = []
 
     def _vehicle(self, name):
@@ -249,6 +258,11 @@ class Rig:
     def _end_service(self):
         if self.service.running():
             self.service.end(signal.SIGKILL)
+
+    def stop_scheduling(self, seconds):
+        """SIGSTOP, and SIGCONT after a while."""
+        with self.service.stopped():
+            self.watch(seconds)
 
     def start_service(self):
         """Start the service; returns when its heartbeat is received."""
@@ -361,6 +375,27 @@ class Rig:
             set_battery(self.operator, self.kind.autopilot, percent)
         else:
             self.set({"SIM_BATT_PCT": percent})
+
+    def cause(self):
+        """Note that the next event causes a release."""
+        self.expects_release = True
+        self.cause_s = clock_s()
+
+    def object(self, text):
+        """Note a fault without an end of the flight."""
+        self.objections.append(text)
+
+    def stalls(self):
+        """Delays of the autopilot's positions so far, and the machine's; ends by `clock_s`."""
+        found = [
+            Stall(stall.time_s / self.speed, stall.length_s, stall.cause)
+            for stall in stalls(self.link.positions)
+        ]
+        ahead_s = clock_s() - time.monotonic()
+        found += [
+            Stall(end_s + ahead_s, late_s * self.speed, MACHINE) for end_s, late_s in self._pauses
+        ]
+        return found
 
     def take_over(self, ask):
         """The pilot takes over with `ask`; notes the end of the stream."""

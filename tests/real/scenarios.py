@@ -6,6 +6,7 @@ did not happen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -22,20 +23,33 @@ _WIND_MPS, _WIND_S = 13.0, 14.0
 _WIND_FROM_DEG = 250.0
 _FENCE_M = 11.0
 """Radius around the take-off: the outer target is inside, both landing points are outside."""
+_DRIFT_MPS, _DRIFT_M, _DRIFT_STEP_M = 0.3, 4.5, 0.15
 _LOSS, _LEAST_DELAY_S, _MOST_DELAY_S = 0.3, 0.05, 0.2
 
 
 @dataclass(frozen=True)
+class Release:
+    """An expected release: its reason for each autopilot, and its time after `Rig.cause`."""
+
+    px4: str
+    ardupilot: str
+    least_s: float
+    most_s: float
+
+
+@dataclass(frozen=True)
 class Scenario:
-    """fly: the actions. let_go: True if the companion is expected to release control.
+    """fly: the actions. release: by the companion, before the operator's LAND; None: none.
 
     parameters: set before the start. unable: reason why a kind cannot fly it; None if it can.
+    shown: reason why its clearance and release are shown, and not judged; "" if they are.
     """
 
     name: str
     fly: Callable[[Rig], None]
     vehicle: str = "x500"
-    let_go: bool = False
+    release: Release | None = None
+    shown: str = ""
     parameters: Callable[[Kind], dict[str, float]] = field(default=lambda _: {})
     unable: Callable[[Kind], str | None] = field(default=lambda _: None)
     speed: float = 2.0
@@ -104,7 +118,7 @@ def critical_battery_after_low(rig):
     since = rig.count
     rig.set_battery(LOW_PERCENT)
     rig.wait_for_state("landing_leg", timeout_s=90.0, since=since)
-    rig.expects_release = True  # the fake's battery may be critical by then
+    rig.cause()  # the fake's battery may be critical by then
     rig.wait_for_state("holding", "released", timeout_s=120.0)
     rig.set_battery(CRITICAL_PERCENT)
     rig.watch(25.0)
@@ -132,6 +146,28 @@ def kill_minus_nine(rig):
     rig.start_service()
     rig.watch(2.0)
     rig.operator.go_on()
+    rig.watch(2.0)
+    if not rig.ours():
+        rig.operator.give_mode()
+    rig.wait_for_state("at_target", "holding", timeout_s=_INNER_REACHED_S, since=since)
+    exit_and_land(rig)
+
+
+def stopped_and_continued(rig):
+    """The service is not scheduled for 3 s, and releases; `continue` resumes the mission."""
+    rig.up_and_flying(INNER)
+    rig.watch(5.0)
+    rig.cause()
+    rig.stop_scheduling(3.0)
+    rig.watch(8.0)
+    rig.expects_release = False
+    since = rig.count
+    try:
+        rig.operator.go_on()
+    except OperatorError as error:
+        rig.object(str(error))
+        rig.land()
+        return
     rig.watch(2.0)
     if not rig.ours():
         rig.operator.give_mode()
@@ -168,7 +204,24 @@ def gps_loss(rig):
     """No GNSS fix for 20 s."""
     rig.up_and_flying(INNER)
     rig.watch(5.0)
-    rig.expects_release = True
+    _lose_the_fix(rig)
+
+
+def gps_loss_inside(rig):
+    """No GNSS fix for 20 s, beginning between the circuits: the companion leaves at once.
+
+    The autopilot's estimate lasts some seconds longer than the fix. Then it lands blindly.
+    """
+    to_the_inner_target(rig)
+    since = rig.count
+    _lose_the_fix(rig)
+    after = [state for _, state in rig.decisions.states[since:]]
+    if not {"flying", "landing_leg"} & set(after):
+        rig.object("stayed between the circuits when the fix was lost")
+
+
+def _lose_the_fix(rig):
+    rig.cause()
     rig.set(rig.kind.gps(found=False))
     rig.watch(20.0)
     rig.set(rig.kind.gps(found=True))
@@ -176,11 +229,32 @@ def gps_loss(rig):
     _down(rig)
 
 
+def gps_drift(rig):
+    """The receiver's position drifts at 0.3 m/s to 4.5 m, so that the aircraft nears a conductor.
+
+    Its reported accuracy does not change.
+    """
+    to_the_inner_target(rig)
+    site = rig.site
+    target = site.targets[INNER]
+    (x_m, _), frame = target.position_m, site.frame
+    towards = math.copysign(1.0, target.look_at_m[0] - x_m)
+    here = frame.to_geodetic((x_m, 0.0, 0.0))
+    for step in range(1, round(_DRIFT_M / _DRIFT_STEP_M) + 1):
+        # The autopilot flies against the drift.
+        there = frame.to_geodetic((x_m - towards * step * _DRIFT_STEP_M, 0.0, 0.0))
+        north_deg = there.latitude_deg - here.latitude_deg
+        rig.set(rig.kind.gps_offset(north_deg, there.longitude_deg - here.longitude_deg, 0.0))
+        rig.watch(_DRIFT_STEP_M / _DRIFT_MPS)
+    rig.watch(10.0)
+    rig.land()
+
+
 def gcs_loss(rig):
     """The ground station is silent for 20 s."""
     rig.up_and_flying(INNER)
     rig.watch(3.0)
-    rig.expects_release = True
+    rig.cause()
     rig.operator.fall_silent()
     rig.watch(20.0)
     rig.operator.resume_sending()
@@ -197,7 +271,7 @@ def rc_loss(rig):
     rig.take_off()
     rig.begin(INSPECTION, INNER)
     rig.watch(5.0)
-    rig.expects_release = True
+    rig.cause()
     rig.operator.drop_sticks()
     if rig.kind.autopilot == "ardupilot":
         rig.set({"SIM_RC_FAIL": 1})
@@ -297,11 +371,22 @@ def _gcs_parameters(kind):
     return {"FS_GCS_ENABLE": 7}
 
 
+def _driftless(kind):
+    if not kind.real:
+        return "flown in lockstep: tests/flights/campaign"
+    if kind.autopilot == "px4":
+        return "PX4 v1.17's own simulator has no offset of the receiver"
+    return None
+
+
 def _windless(kind):
     if kind.real and kind.autopilot == "px4":
         return "PX4 v1.17's own simulator has no wind"
     return None
 
+
+_BLIND = Release("failsafe chose LAND", "failsafe chose LAND", 1.0, 20.0)
+"""The autopilot lands without a position."""
 
 SCENARIOS = {
     scenario.name: scenario
@@ -322,11 +407,17 @@ SCENARIOS = {
         Scenario(
             "critical_battery_after_low",
             critical_battery_after_low,
-            let_go=True,
+            release=Release("failsafe chose HOLD", "failsafe chose LAND", 0.0, 120.0),
             parameters=lambda kind: kind.battery_thresholds(critical=True),
         ),
         Scenario("wind_and_calm", wind_and_calm, vehicle="linedrone_flight", unable=_windless),
         Scenario("kill_minus_nine", kill_minus_nine, speed=1.0),
+        Scenario(
+            "stopped_and_continued",
+            stopped_and_continued,
+            release=Release("control loop stalled 3", "control loop stalled 3", 2.5, 4.0),
+            speed=1.0,
+        ),
         Scenario("takeover_by_mode", takeover_by_mode, speed=1.0),
         Scenario(
             "takeover_by_sticks",
@@ -334,9 +425,25 @@ SCENARIOS = {
             parameters=_switch_parameters,
             speed=1.0,
         ),
-        Scenario("gps_loss", gps_loss, let_go=True),
-        Scenario("gcs_loss", gcs_loss, let_go=True, parameters=_gcs_parameters),
-        Scenario("rc_loss", rc_loss, let_go=True),
+        Scenario("gps_loss", gps_loss, release=_BLIND),
+        Scenario("gps_loss_inside", gps_loss_inside, release=_BLIND),
+        Scenario(
+            "gps_drift",
+            gps_drift,
+            shown="no sensor sees the line",
+            unable=_driftless,
+        ),
+        Scenario(
+            "gcs_loss",
+            gcs_loss,
+            release=Release("failsafe chose HOLD", "failsafe chose BRAKE", 4.0, 16.0),
+            parameters=_gcs_parameters,
+        ),
+        Scenario(
+            "rc_loss",
+            rc_loss,
+            release=Release("failsafe chose HOLD", "failsafe chose BRAKE", 0.3, 3.0),
+        ),
         Scenario("fence", fence, parameters=_fence_parameters),
         Scenario("reboot", reboot),
         Scenario("lossy_link", lossy_link, speed=1.0),

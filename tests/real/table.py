@@ -3,7 +3,8 @@
     python -m tests.real.table OUT --on fake-px4,real-px4 --scenario nominal,exit
 
 OUT is a folder: a folder for each flight, rows.jsonl, table.md. Flights that are in rows.jsonl
-already are flown again, and their rows are replaced.
+already are flown again, and their rows are replaced. `--page FILE` puts the table in the place of
+that of a Markdown page; with `--scenario ''` without a flight.
 """
 
 from __future__ import annotations
@@ -27,9 +28,10 @@ def main():
     parser.add_argument("--on", default=",".join(KINDS))
     parser.add_argument("--scenario", default=",".join(SCENARIOS))
     parser.add_argument("--speed", type=float)
+    parser.add_argument("--page", type=Path)
     arguments = parser.parse_args()
     faults = 0
-    for scenario in arguments.scenario.split(","):
+    for scenario in filter(None, arguments.scenario.split(",")):
         for name in arguments.on.split(","):
             kind = KINDS[name]
             if kind.missing:
@@ -39,11 +41,29 @@ def main():
             shutil.rmtree(folder, ignore_errors=True)
             row = flown(kind, SCENARIOS[scenario], folder, speed=arguments.speed)
             result = row.unable or "; ".join(row.faults) or "nothing against it"
+            for reason in row.spoilt_before:
+                result += f"; an earlier flight was spoilt: {reason}"
+            if row.spoilt:
+                result += f"; spoilt by {row.spoilt}"
             sys.stdout.write(f"{name} {scenario}: {result}\n")
             sys.stdout.flush()
             faults += bool(row.faults) and not row.unable
             keep(arguments.out, row)
+    if arguments.page is not None:
+        text = arguments.page.read_text()
+        arguments.page.write_text(replaced(text, (arguments.out / "table.md").read_text()))
     return 1 if faults else 0
+
+
+def replaced(page, new):
+    """A page with another table of rows: in the place of the one with the same first columns."""
+    begin = new[: new.index("|", new.index("|", 1) + 1) + 1]
+    lines = page.splitlines(keepends=True)
+    first = next(number for number, line in enumerate(lines) if line.startswith(begin))
+    last = first
+    while last < len(lines) and lines[last].startswith("|"):
+        last += 1
+    return "".join([*lines[:first], new, *lines[last:]])
 
 
 def keep(out, row):

@@ -9,7 +9,7 @@ import pytest
 from tests.real_time import real_time
 from tests.thorough import sampled
 
-from .figures import flown
+from .figures import flown_once
 from .kinds import KINDS
 from .scenarios import SCENARIOS
 
@@ -23,7 +23,7 @@ from .scenarios import SCENARIOS
     ),
 )
 def test_a_fake_autopilot_flies(scenario, name, tmp_path):
-    row = flown(KINDS[name], SCENARIOS[scenario], tmp_path)
+    row = flown_once(KINDS[name], SCENARIOS[scenario], tmp_path)
     assert row.faults == []
     assert row.keep_out_margin_m is not None
     assert row.error_mean_m < 1.0
