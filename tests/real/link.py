@@ -11,6 +11,7 @@ import time
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.service.priority import in_real_time
 from tests.liveness.tap import Tap, clock_s
 
 _POLL_S = 0.01
@@ -22,7 +23,7 @@ class Link(Tap):
     """A tap whose datagrams may be lost or late; late ones overtake each other.
 
     Delays are in simulator seconds, `speed` of them in a real second. The same seed draws the
-    same losses and delays.
+    same losses and delays. Its thread is in real time where that is permitted: a wire has no load.
     """
 
     def __init__(self, service_port, *, speed=1.0, seed=1):
@@ -44,7 +45,7 @@ class Link(Tap):
         self._loss, self._delay_s = loss, (least_delay_s, most_delay_s)
 
     def _carry(self):
-        with selectors.DefaultSelector() as selector:
+        with in_real_time(), selectors.DefaultSelector() as selector:
             for item in (self._inner, self._outer):
                 selector.register(item, selectors.EVENT_READ)
             while not self._ending.is_set():

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import yaml
 
 from moar_companion.config import shipped_configs
+from moar_companion.service.priority import ahead_of_others
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 from sitl.demonstration.manners import MANNERS
@@ -152,7 +153,8 @@ class Rig:
 
     def __init__(self, kind, folder, stack, *, vehicle="x500", speed=1.0, parameters=None):
         self.kind, self.folder, self.speed = kind, folder, speed
-        self._stack = stack
+        # Autopilot, pilot and wire have no computer to share: the service has this priority, too.
+        stack.enter_context(ahead_of_others())
         self.site_file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
         self.site = Site.load(self.site_file)
         self._parameters = {**BASE[kind.autopilot], **(parameters or {})}
