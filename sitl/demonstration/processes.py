@@ -41,6 +41,11 @@ class Process:
                 start_new_session=True,
             )
 
+    @property
+    def id(self) -> int:
+        """Process id."""
+        return self._process.pid
+
     def ended(self) -> str | None:
         """One line that it has ended, with its last output; None while it runs."""
         if self._process.poll() is None:

@@ -6,8 +6,8 @@ import bisect
 import contextlib
 import json
 import math
+import re
 import shutil
-import time
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
@@ -18,7 +18,6 @@ from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import OperatorError
 from tests.flights.judging import clearances_m, local_place, shape
 from tests.flights.operator import Manner
-from tests.liveness.tap import clock_s
 
 from .rig import LET_GO, Rig
 from .stalls import around, slowest
@@ -35,6 +34,12 @@ _SWITCH_DEBOUNCE_S = 0.2
 """Debounce time of ArduPilot's mode switch (RC_Channel)."""
 
 
+_SENSOR_STOPPED = re.compile(
+    r"(ACC|ACCEL|GYRO|MAG|BARO) #\d+ failed|No valid data from (Accel|Gyro|Compass|Baro)"
+)
+"""PX4's texts of sensors that its simulator no longer feeds: no scenario makes them fail."""
+_READ_LATE_S = 0.5
+"""Mean delay of the service's record, which is written once a second."""
 MOST_FLIGHTS = 3
 """Flights of a row: those that the machine spoilt, and the one that counts."""
 _SLOWEST = 0.8
@@ -250,13 +255,16 @@ def _row(rig: Rig, kind, scenario, speed, problem):
 
 
 def spoilt(row, delays, released_s, least_speed):
-    """Delay of the simulator or the machine that explains a row's faults; None without one.
+    """What of the simulator or the machine explains a row's faults; None without a fault or that.
 
-    A distance from an obstacle is never excused. A wrong release is, by a delay at its time; other
-    faults are by any delay of the flight.
+    A distance from an obstacle and what the scenario itself found are never excused. A wrong
+    release is, by a delay at its time; other faults are by any delay of the flight.
     """
-    if not row.faults or row.collision:
+    if not row.faults or row.collision or row.objections:
         return None
+    for text in row.autopilot_texts:
+        if _SENSOR_STOPPED.search(text):
+            return f"simulator: {text.strip()}"
     if row.release_faults and released_s is not None:
         delays = around(delays, released_s)
     elif least_speed is not None and least_speed < _SLOWEST:
@@ -383,14 +391,14 @@ def _speed_max_mps(places, speed):
 def _let_go(rig, companion):
     """Release by the companion before a pilot took over or gave LAND: its text and time, or None.
 
-    The time is by `clock_s`; the text's reception, or without a text the state's record.
+    The time is by `clock_s`; the text's reception, or if that was lost the state's record.
     """
     for time_s, state in rig.decisions.states[: rig.states_in_charge]:
         if state in LET_GO:
             for text in companion:
                 if text.text.endswith(f", {state}"):
                     return text.text, text.time_s
-            return state, time_s - time.time() + clock_s()
+            return state, time_s - _READ_LATE_S
     return None
 
 

@@ -12,11 +12,12 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import yaml
 
 from moar_companion.config import shipped_configs
-from moar_companion.service.priority import ahead_of_others
+from moar_companion.service.priority import NICE, ahead_of_others
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 from sitl.demonstration.manners import MANNERS
@@ -38,7 +39,16 @@ LET_GO = ("released", "overridden")
 _IN_AIR = 2
 _START_S = 60.0
 """Real seconds within which the first packet of a process is received."""
+_COMPILING_S = 600.0
+"""Real seconds of the planner's compilation, at the first start on a machine."""
 _LONGEST_FLIGHT_S = 240.0
+
+
+def _put_session_ahead(process_id, nice=NICE):
+    """Set the nice value of a process's session: others count within one, where Linux shares the
+    processors among sessions first (kernel.sched_autogroup_enabled)."""
+    with contextlib.suppress(OSError):
+        Path(f"/proc/{process_id}/autogroup").write_text(str(nice))
 
 
 class RealService(Service):
@@ -47,8 +57,14 @@ class RealService(Service):
     def __init__(self, folder, port, speed, **config):
         super().__init__(folder, port, **config)
         self._speed = speed
+        self._starts = 0
+
+    def ready(self):
+        """True when every start so far has its planner."""
+        return self.log().count("INFO planner ready") >= self._starts
 
     def start(self, **environment):
+        self._starts += 1
         module = "moar_companion" if self._speed == 1.0 else "sitl.demonstration.companion"
         faster = [] if self._speed == 1.0 else ["--speed", f"{self._speed:g}"]
         with (self.folder / "companion.log").open("ab") as log:
@@ -124,7 +140,7 @@ class Decisions:
         self._folder = folder
         self._read = {}
         self.states = []
-        """Each new state: (time of day, state)."""
+        """Each new state: (time by `clock_s` when it was read, state)."""
         self.plans = 0
 
     @property
@@ -145,7 +161,7 @@ class Decisions:
         if line["kind"] == "plan":
             self.plans += 1
         if line["kind"] == "status" and line["data"]["state"] != self.state:
-            self.states.append((line["time_s"], line["data"]["state"]))
+            self.states.append((clock_s(), line["data"]["state"]))
 
 
 class Rig:
@@ -155,6 +171,8 @@ class Rig:
         self.kind, self.folder, self.speed = kind, folder, speed
         # Autopilot, pilot and wire have no computer to share: the service has this priority, too.
         stack.enter_context(ahead_of_others())
+        _put_session_ahead("self")
+        stack.callback(_put_session_ahead, "self", 0)
         self.site_file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
         self.site = Site.load(self.site_file)
         self._parameters = {**BASE[kind.autopilot], **(parameters or {})}
@@ -244,6 +262,7 @@ class Rig:
             )
         self._autopilot = contextlib.ExitStack()
         self._process = self._autopilot.enter_context(started)
+        _put_session_ahead(self._process.id)
         self.truth.follow(truth)
 
     def _end_autopilot(self):
@@ -267,12 +286,13 @@ class Rig:
             self.watch(seconds)
 
     def start_service(self):
-        """Start the service; returns when its heartbeat is received."""
+        """Start the service; returns when its heartbeat is received, and its planner is ready."""
         self.operator.companion_received = False
         self.service.start()
         self.wait_for(
             "the companion", lambda: self.operator.companion_received, _START_S * self.speed
         )
+        self.wait_for("the planner", self.service.ready, _COMPILING_S * self.speed)
 
     def kill_service(self):
         """kill -9."""
@@ -357,7 +377,6 @@ class Rig:
         """Fly from power-on to a started mission."""
         self.boot()
         self.start_service()
-        self.operator.wait_compiled()
         self.take_off()
         self.begin(INSPECTION, index)
 

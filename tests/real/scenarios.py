@@ -330,7 +330,6 @@ def lossy_link(rig):
     """The whole mission with 30 % lost, 50 to 200 ms late and out of order; then a takeover."""
     rig.boot()
     rig.start_service()
-    rig.operator.wait_compiled()
     rig.take_off()
     rig.link.impair(_LOSS, _LEAST_DELAY_S, _MOST_DELAY_S)
     rig.watch(3.0)

@@ -149,11 +149,19 @@ AGE = {"let_go": "MOAR: position age 0.51 s > 0.5, released"}
         (AGE, [STOOD], 99.0, 1.0, None),
         (AGE, [], 99.9, 1.0, None),
         (AGE, [], 99.9, 0.6, None),
+        (
+            {"landed": False, "autopilot_texts": ["BARO #0 failed:  TIMEOUT!\t"]},
+            [],
+            None,
+            1.0,
+            "simulator: BARO #0 failed:  TIMEOUT!",
+        ),
         ({"problem": "arm: DENIED"}, [STOOD], None, 1.0, "simulator 0.62 s"),
         ({"problem": "arm: DENIED"}, [], None, 0.6, "simulator at 0.60 of its speed"),
         ({"problem": "arm: DENIED"}, [], None, 0.98, None),
         ({}, [STOOD], None, 0.6, None),
         ({**AGE, "keep_out_margin_m": -0.1}, [STOOD], 99.9, 1.0, None),
+        ({"objections": ["continue: DENIED"]}, [STOOD], None, 1.0, None),
     ],
     ids=[
         "a release within the simulator's stall",
@@ -162,11 +170,13 @@ AGE = {"let_go": "MOAR: position age 0.51 s > 0.5, released"}
         "a release before it",
         "a release without a stall",
         "a slow simulator excuses no release",
+        "sensors of the simulator that stopped",
         "a failed arming in a flight with a stall",
         "a failed arming on a slow simulator",
         "a failed arming without either",
         "a good flight",
         "a collision is never excused",
+        "what the scenario found is never excused",
     ],
 )
 def test_a_flight_is_spoilt_by_delays_that_explain_its_faults(
