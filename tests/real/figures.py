@@ -80,7 +80,8 @@ class Row:
     let_go_after_s: float | None = None
     """Time from its cause to the release."""
     after_release: str | None = None
-    """Nearest obstacle after the release, and hull to obstacle there: 0 or less is a hit."""
+    """Nearest obstacle after the release, until the operator's LAND, and hull to obstacle there: 0 or
+    less is a hit."""
     expected_let_go: str | None = None
     """Words of the release that the scenario causes."""
     expected_after_s: tuple[float, float] | None = None
@@ -232,7 +233,7 @@ def _row(rig: Rig, kind, scenario, speed, problem):
         speed_max_mps=_speed_max_mps(judged, speed),
         let_go=let_go,
         let_go_after_s=_after_cause_s(rig, released_s),
-        after_release=_after_release(rig, whole, released_s),
+        after_release=_after_release(rig, judged, released_s),
         expected_let_go=None if expected is None else getattr(expected, kind.autopilot),
         expected_after_s=None if expected is None else (expected.least_s, expected.most_s),
         takeover_s=None if rig.takeover_s is None else round(rig.takeover_s, 3),

@@ -384,7 +384,7 @@ def _windless(kind):
     return None
 
 
-_BLIND = Release("failsafe chose LAND", "failsafe chose LAND", 1.0, 20.0)
+_BLIND = Release("failsafe chose LAND", "failsafe chose LAND", 2.0, 15.0)
 """The autopilot lands without a position."""
 
 SCENARIOS = {
