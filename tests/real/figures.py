@@ -80,7 +80,7 @@ class Row:
     let_go_after_s: float | None = None
     """Time from its cause to the release."""
     after_release: str | None = None
-    """Nearest obstacle after the release, until the operator's LAND, and hull to obstacle there: 0 or
+    """Nearest obstacle from the release to the operator's LAND, and hull to obstacle there: 0 or
     less is a hit."""
     expected_let_go: str | None = None
     """Words of the release that the scenario causes."""
