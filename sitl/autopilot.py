@@ -143,7 +143,7 @@ class FakeAutopilot:
             time_s=world.now_s,
             position_ned_m=(quad.n, quad.e, quad.d),
             velocity_ned_mps=(quad.vn, quad.ve, quad.vd),
-            attitude_rad=(quad.roll, quad.pitch, quad.yaw),
+            attitude_rad=(quad.roll, quad.pitch, quad.true_yaw),
             wind_ned_mps=world.wind.ned_mps,
             latitude_deg=place.latitude_deg,
             longitude_deg=place.longitude_deg,

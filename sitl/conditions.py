@@ -28,6 +28,7 @@ class Conditions:
     gusts along the wind. gps_mode: GPS_NORMAL, GPS_NO_FIX, GPS_SILENT, GPS_JAMMED. radio_rssi is
     None on an IP link, which has no radio. battery_percent, once set, replaces the charge at the
     next step; battery_voltage_v replaces the voltage alone, until it is None again.
+    heading_error_deg: of the autopilot's estimate, which controls by it.
     drag_per_s, once set, replaces the airframe's linear drag.
     Onboard links take link_delay_ms and for each packet up to link_jitter_ms more, each way: those
     that take less overtake. link_rate_bytes_per_s is the rate that PX4 assumes for its onboard
@@ -38,6 +39,7 @@ class Conditions:
     wind_from_deg: float = 0.0
     wind_up_mps: float = 0.0
     drag_per_s: float | None = None
+    heading_error_deg: float = 0.0
     gust_mps: float = 0.0
     satellites: int = 10
     hdop: float = 0.7

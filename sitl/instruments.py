@@ -29,7 +29,8 @@ def to_body(quad: Quadrotor, n: float, e: float, d: float) -> Vector:
     """Return a vector of the world (north, east, down) in the body's axes."""
     sin_r, cos_r = math.sin(quad.roll), math.cos(quad.roll)
     sin_p, cos_p = math.sin(quad.pitch), math.cos(quad.pitch)
-    sin_y, cos_y = math.sin(quad.yaw), math.cos(quad.yaw)
+    true_yaw = quad.true_yaw
+    sin_y, cos_y = math.sin(true_yaw), math.cos(true_yaw)
     forward, right = n * cos_y + e * sin_y, -n * sin_y + e * cos_y
     down = forward * sin_p + d * cos_p
     return (

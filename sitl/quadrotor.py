@@ -55,7 +55,10 @@ def wrap_pi(angle_rad: float) -> float:
 
 
 class Quadrotor:
-    """The true state of the aircraft, metres from home (north, east, down), WGS84 truth frame."""
+    """The true state of the aircraft, metres from home (north, east, down), WGS84 truth frame.
+
+    yaw is the heading as the autopilot estimates it: the true one and heading_error_rad.
+    """
 
     __slots__ = (
         "acc_d",
@@ -65,6 +68,7 @@ class Quadrotor:
         "d",
         "demand",
         "e",
+        "heading_error_rad",
         "n",
         "on_ground",
         "pitch",
@@ -91,6 +95,7 @@ class Quadrotor:
         self.acc_n = self.acc_e = self.acc_d = 0.0
         self.roll = self.pitch = 0.0
         self.yaw = wrap_pi(yaw_rad)
+        self.heading_error_rad = 0.0
         self.roll_rate = self.pitch_rate = self.yaw_rate = 0.0
         self.roll_acc = self.pitch_acc = self.yaw_acc = 0.0
         self.thrust = 0.0
@@ -114,7 +119,8 @@ class Quadrotor:
         self._turn(dt, frame, demand)
         sin_r, cos_r = math.sin(self.roll), math.cos(self.roll)
         sin_p, cos_p = math.sin(self.pitch), math.cos(self.pitch)
-        sin_y, cos_y = math.sin(self.yaw), math.cos(self.yaw)
+        true_yaw = self.true_yaw
+        sin_y, cos_y = math.sin(true_yaw), math.cos(true_yaw)
         lift = self.thrust / frame.hover_thrust * GRAVITY_MPS2
         air_n, air_e, air_d = self.vn - wind_n, self.ve - wind_e, self.vd - wind_d
         drag = frame.drag_per_s if drag_per_s is None else drag_per_s
@@ -170,6 +176,16 @@ class Quadrotor:
         self.d = 0.0
         self.roll *= 0.9
         self.pitch *= 0.9
+
+    @property
+    def true_yaw(self) -> float:
+        """The true heading."""
+        return wrap_pi(self.yaw - self.heading_error_rad)
+
+    def mislead(self, heading_error_rad: float) -> None:
+        """Change the error of the estimated heading; the true one stays."""
+        self.yaw = wrap_pi(self.yaw + heading_error_rad - self.heading_error_rad)
+        self.heading_error_rad = heading_error_rad
 
     @property
     def height_m(self) -> float:

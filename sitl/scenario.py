@@ -39,6 +39,7 @@ class _Change(BaseModel):
     wind_up_mps: Annotated[float, Field(ge=-20.0, le=20.0)] | None = None
     gust_mps: _NonNegative | None = None
     drag_per_s: _NonNegative | None = None
+    heading_error_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = None
     satellites: Annotated[int, Field(ge=0, le=60)] | None = None
     hdop: Annotated[float, Field(ge=0.3, le=99.0)] | None = None
     vdop: Annotated[float, Field(ge=0.3, le=99.0)] | None = None

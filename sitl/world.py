@@ -72,6 +72,9 @@ class World:
         now_s = self.now_us / 1e6
         conditions = self.conditions
         self.wind.step(now_s, conditions)
+        error_rad = math.radians(conditions.heading_error_deg)
+        if error_rad != self.quad.heading_error_rad:
+            self.quad.mislead(error_rad)
         self.quad.step(TICK_S, *self.wind.ned_mps, conditions.drag_per_s)
         if self.took_off_s is None and not self.quad.on_ground and self.quad.d < -0.2:
             self.took_off_s = now_s

@@ -243,7 +243,7 @@ class MotionMessages(Builders):
         place = self._world.frame.geodetic(quad.n, quad.e, quad.d)
         x, y, z = body_acceleration(quad)
         return self._pack(
-            "SIMSTATE", roll=quad.roll, pitch=quad.pitch, yaw=quad.yaw, xacc=x, yacc=y, zacc=z,
+            "SIMSTATE", roll=quad.roll, pitch=quad.pitch, yaw=quad.true_yaw, xacc=x, yacc=y, zacc=z,
             xgyro=quad.roll_rate, ygyro=quad.pitch_rate, zgyro=quad.yaw_rate,
             lat=round(place.latitude_deg * 1e7), lng=round(place.longitude_deg * 1e7),
         )  # fmt: skip

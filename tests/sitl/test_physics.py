@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sitl.autopilot import FakeAutopilot, Options
 from sitl.battery import Battery, BatteryOptions
 from sitl.conditions import Conditions, Wind
 from sitl.geodesy import FlatProjection, Geodetic, SphereProjection, TrueFrame
@@ -194,3 +195,27 @@ def test_quadratic_drag_leans_as_ardupilots_simulation_does():
     for _ in range(4000):
         quad.step(DT, 0.0, 0.0, 0.0)
     assert quad.vn == pytest.approx(10.0, abs=0.2)
+
+
+def test_a_false_heading_turns_the_thrust_and_not_the_aircraft():
+    quad = _flying(pitch_rad=-0.1)
+    quad.mislead(math.radians(90.0))
+    quad.demand.yaw_rad = quad.yaw
+    for _ in range(300):
+        quad.step(DT, 0.0, 0.0, 0.0)
+    assert quad.yaw == pytest.approx(math.radians(90.0))
+    assert quad.true_yaw == pytest.approx(0.0)
+    assert quad.vn > 1.0
+    assert quad.ve == pytest.approx(0.0, abs=1e-6)
+    quad.mislead(0.0)
+    assert quad.yaw == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_an_autopilot_with_a_false_heading_reports_what_it_believes(autopilot):
+    fake = FakeAutopilot(Options(autopilot=autopilot))
+    fake.step(1.0)
+    fake.conditions.heading_error_deg = 20.0
+    fake.step(2.0)
+    assert math.degrees(fake.truth.attitude_rad[2]) == pytest.approx(0.0, abs=0.1)
+    assert math.degrees(fake._world.quad.yaw) == pytest.approx(20.0, abs=0.1)
