@@ -127,6 +127,10 @@ class SimulatedLidar:
     def __init__(self, scene: LidarScene, seed: int = 0, rpm: float = 600.0) -> None:
         self._random = np.random.default_rng(seed)
         self._turn_rad_s = rpm / 60.0 * 2.0 * math.pi
+        self.show(scene)
+
+    def show(self, scene: LidarScene) -> None:
+        """Take another scene."""
         self._arrays = _arrays(scene)
         ground_m = math.nan if scene.ground_m is None else float(scene.ground_m)
         self._air = (

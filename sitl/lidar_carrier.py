@@ -48,11 +48,19 @@ class LidarCarrier:
         azimuth = math.radians(placed.azimuth_deg)
         cos, sin = math.cos(azimuth), math.sin(azimuth)
         self._from_ned = np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
-        self._mount_m = np.array(placed.mount.position_m)
-        self._mount_turn = _mount_turn(placed.mount)
+        self._mount(placed.mount)
         self._states: deque[tuple[float, FloatArray, FloatArray]] = deque()
         """Time, place in the scene, and roll, pitch, yaw, of the truths that are still needed."""
         self._next = 0
+
+    def show(self, placed: PlacedScene) -> None:
+        """Take another scene and mount, at the same place."""
+        self._lidar.show(placed.scene)
+        self._mount(placed.mount)
+
+    def _mount(self, mount: LidarMount) -> None:
+        self._mount_m = np.array(mount.position_m)
+        self._mount_turn = _mount_turn(mount)
 
     def step(self, truth: Posed) -> list[tuple[float, bytes]]:
         """The packets that are complete at a truth's time, with the times of their ends."""

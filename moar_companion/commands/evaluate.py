@@ -1,8 +1,9 @@
-"""`moar-companion evaluate`: the paper's experiments, rerun.
+"""`moar-companion evaluate`: the paper's experiments, rerun, and the campaign of random flights.
 
 The sweeps are tasks of processes on this computer, or of a Dask cluster. Their results are joined
 in the order of the scenes, so that files do not depend on the distribution of the tasks. Times of
-plans, which differ each time, are in a file of their own.
+plans, which differ each time, are in a file of their own. The campaign is a program of the
+checkout, which writes its own files.
 """
 
 from __future__ import annotations
@@ -29,28 +30,38 @@ if TYPE_CHECKING:
 
 _EXPERIMENTS = ("maps", "sensitivity", "adaptability", "tests", "flight")
 _ALL = "all"
+_CAMPAIGN = "campaign"
 _OUT = "evaluation"
 _MODULES = ("matplotlib", "pyarrow")
 _MOST_WORKERS = 1024
 _FLIGHT = "tests.flights.paper_flight"
-"""The flight program of the checkout: the companion does not import its simulator."""
+_CAMPAIGN_PROGRAM = "tests.flights.campaign"
+"""Programs of the checkout: the companion does not import its simulator."""
+_SEEDS = "1:101"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the experiment, the outputs and where it is computed."""
     parser.add_argument(
         "experiment",
-        metavar="|".join((*_EXPERIMENTS, _ALL)),
+        metavar="|".join((*_EXPERIMENTS, _ALL, _CAMPAIGN)),
         type=_experiment,
         help="maps (the paper's Fig. 2-5), sensitivity (6, 7), adaptability (8), the 36 tests, "
-        "flight (9; needs a checkout), or all",
+        "flight (9; needs a checkout), or all; campaign: random flights with faults (needs a "
+        "checkout)",
     )
     parser.add_argument(
         "--out",
         metavar="DIR",
         type=file_name("--out"),
-        default=_OUT,
-        help=f"folder for report.html, figures and Parquet files (default: {_OUT})",
+        help=f"folder for report.html, figures and Parquet files (default: {_OUT}, or {_CAMPAIGN})",
+    )
+    parser.add_argument(
+        "--seeds",
+        metavar="A:B",
+        type=_seeds,
+        help=f"seeds of the campaign, B not included (default: {_SEEDS}); those that the folder "
+        "has are not flown again",
     )
     parser.add_argument(
         "--workers",
@@ -68,14 +79,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs the experiments, writes all files, prints the overview."""
-    for module in (*_MODULES, *(("distributed",) if arguments.scheduler else ())):
-        require("evaluate", module, "evaluation")
     if arguments.scheduler and arguments.workers:
         raise refused("--workers", str(arguments.workers), "must not be given with --scheduler")
+    if arguments.experiment == _CAMPAIGN:
+        return _fly_campaign(arguments)
+    if arguments.seeds:
+        raise refused("--seeds", arguments.seeds, f"must be given with {_CAMPAIGN} alone")
+    for module in (*_MODULES, *(("distributed",) if arguments.scheduler else ())):
+        require("evaluate", module, "evaluation")
     chosen = _EXPERIMENTS if arguments.experiment == _ALL else (arguments.experiment,)
-    checkout = _checkout() if "flight" in chosen else None
-    folder = _folder(arguments.out)
-    workers = arguments.workers or len(os.sched_getaffinity(0))
+    checkout = _checkout(_FLIGHT) if "flight" in chosen else None
+    folder = _folder(arguments.out or _OUT)
+    workers = arguments.workers or _cores()
     with task_pool(workers, arguments.scheduler) as pool:
         results, pictures = _evaluated(chosen, checkout, pool)
     _write(results, pictures, folder)
@@ -136,14 +151,44 @@ def _write_parquet(columns: dict[str, Any], stream: IO[bytes]) -> None:
     parquet.write_table(pa.table(columns), stream, compression="zstd")
 
 
-def _checkout() -> Path:
-    """The root of the checkout that this program runs from; InputError without one."""
+def _fly_campaign(arguments: argparse.Namespace) -> int:
+    """Flies random flights; returns the exit status of their program: 1 for a broken promise."""
+    modules = (("shapely", "dev"), *((module, "evaluation") for module in _MODULES))
+    for module, extra in (
+        *modules,
+        *((("distributed", "evaluation"),) if arguments.scheduler else ()),
+    ):
+        require("evaluate", module, extra)
+    checkout = _checkout(_CAMPAIGN_PROGRAM)
+    folder = _folder(arguments.out or _CAMPAIGN)
+    where = (
+        ("--scheduler", arguments.scheduler)
+        if arguments.scheduler
+        else ("--workers", str(arguments.workers or _cores()))
+    )
+    seeds = arguments.seeds or _SEEDS
+    words = ("--seeds", seeds, "--out", str(folder.resolve()), *where)
+    return subprocess.run(  # noqa: S603 - ourselves
+        [sys.executable, "-m", _CAMPAIGN_PROGRAM, *words], cwd=checkout, check=False
+    ).returncode
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+def _checkout(program: str) -> Path:
+    """The root of the checkout that this program runs from; InputError without one.
+
+    program: a module or package of the checkout.
+    """
     root = Path(__file__).resolve().parents[2]
-    if not root.joinpath(*_FLIGHT.split(".")).with_suffix(".py").exists():
+    path = root.joinpath(*program.split("."))
+    if not path.is_dir() and not path.with_suffix(".py").exists():
         raise InputError(
             "evaluate",
             "",
-            "flight and all need a checkout, whose simulator flies the paper's flight",
+            "flight, all and campaign need a checkout, whose simulator flies",
         )
     return root
 
@@ -182,9 +227,17 @@ def _folder(name: str) -> Path:
 
 
 def _experiment(text: str) -> str:
-    known = (*_EXPERIMENTS, _ALL)
+    known = (*_EXPERIMENTS, _ALL, _CAMPAIGN)
     if text not in known:
         raise refused("experiment", text, f"must be one of {', '.join(known)}")
+    return text
+
+
+def _seeds(text: str) -> str:
+    first, _, end = text.partition(":")
+    numbers = [part for part in (first, end) if part.isascii() and part.isdigit()]
+    if len(numbers) != 2 or not int(first) < int(end):
+        raise refused("--seeds", text, "must be A:B, whole numbers, A below B")
     return text
 
 

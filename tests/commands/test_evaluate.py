@@ -35,6 +35,10 @@ def refused(capsys):
         (["everything"], "experiment: is 'everything', must be one of maps, sensitivity"),
         (["maps", "--workers", "0"], "--workers: is '0', must be a whole number from 1"),
         (["maps", "--workers", "two"], "--workers: is 'two'"),
+        (["campaign", "--seeds", "5"], "--seeds: is '5', must be A:B"),
+        (["campaign", "--seeds", "9:5"], "--seeds: is '9:5', must be A:B"),
+        (["maps", "--seeds", "1:5"], "--seeds: is '1:5', must be given with campaign alone"),
+        (["campaign", "--scheduler", "tcp://a:1", "--workers", "2"], "--workers: is '2', must not"),
         (
             [],
             "the following arguments are required: maps|sensitivity|adaptability|tests|flight|all",
@@ -68,7 +72,32 @@ sys.exit(main())
 def test_outside_a_checkout_the_flight_is_refused(refused, monkeypatch):
     pytest.importorskip("pyarrow")
     monkeypatch.setattr(evaluate, "_FLIGHT", "tests.flights.no_such_program")
-    assert "evaluate: flight and all need a checkout" in refused("flight")
+    assert "evaluate: flight, all and campaign need a checkout" in refused("flight")
+
+
+def test_outside_a_checkout_the_campaign_is_refused(refused, monkeypatch):
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr(evaluate, "_CAMPAIGN_PROGRAM", "tests.flights.no_such_program")
+    assert "evaluate: flight, all and campaign need a checkout" in refused("campaign")
+
+
+def test_the_campaign_is_flown_by_the_checkout_and_its_status_returned(monkeypatch, tmp_path):
+    pytest.importorskip("pyarrow")
+    calls = []
+
+    def run(command, *, cwd, check):
+        calls.append((command, cwd))
+        return subprocess.CompletedProcess(command, 1)
+
+    monkeypatch.setattr(evaluate.subprocess, "run", run)
+    out = str(tmp_path / "flown")
+    words = ["evaluate", "campaign", "--out", out, "--seeds", "7:9", "--scheduler", "tcp://a:1"]
+    assert cli.main(words) == 1
+    ((command, cwd),) = calls
+    assert command[1:] == [
+        "-m", "tests.flights.campaign", "--seeds", "7:9", "--out", out, "--scheduler", "tcp://a:1",
+    ]  # fmt: skip
+    assert (cwd / "tests" / "flights" / "campaign" / "__main__.py").exists()
 
 
 def test_a_folder_that_cannot_be_made_is_refused(refused, tmp_path):

@@ -17,11 +17,12 @@ from moar_companion.vehicle import Vehicle
 from ..thorough import sampled
 from .campaign import AFTERMATH_S, DEVELOPMENT, HELD_OUT
 from .campaign.command import main, row_of
-from .campaign.drawing import LASTS_S, Draw, draw, generated_site
+from .campaign.drawing import LASTS_S, Draw, draw
 from .campaign.flying import HOLDS_IN, Record, Sent, held_wind_mps
 from .campaign.judge import clearance_m, judge
 from .campaign.kinds import KINDS, Breaks
 from .campaign.report import summary
+from .campaign.sites import generated_site
 from .judging import shape
 from .operator import Manner
 
@@ -159,6 +160,22 @@ def test_outside_the_promise_a_collision_is_counted_with_the_broken_part_of_the_
 def test_a_position_error_within_the_reported_accuracy_is_within_the_promise():
     reported = {"error_m": np.tile([0.0, 0.0, 1.9], (COUNT, 1)), "reported_m": np.full(COUNT, 2.0)}
     assert rules(flown_to(CONDUCTOR_M, **reported))["collision"] == ()
+
+
+def test_an_obstacle_that_is_elsewhere_than_in_the_file_is_an_error_of_the_position():
+    moved = dataclasses.replace(at_rest().draw, mapped=SITE, map_error_m=1.2)
+    assert rules(flown_to(CONDUCTOR_M, draw=moved))["collision"] == ()
+    error_m = np.tile([0.0, 0.0, 0.3], (COUNT, 1))
+    assert rules(flown_to(CONDUCTOR_M, draw=moved, error_m=error_m))["collision"] == ("position",)
+
+
+def test_setpoints_keep_out_of_the_obstacles_of_the_file_and_the_truth_of_the_true_ones():
+    empty = dataclasses.replace(SITE, obstacles=())
+    near_m = (CONDUCTOR_M[0] + 0.5, 0.0, CONDUCTOR_M[2])
+    record = from_step(500, at_rest(), reported_m=near_m)
+    unknown = dataclasses.replace(record.draw, mapped=empty)
+    assert rules(dataclasses.replace(record, draw=unknown)) == {}
+    assert set(rules(flown_to(CONDUCTOR_M, draw=unknown))) == {"collision", "keep_out"}
 
 
 def test_the_promise_holds_again_some_time_after_it_was_broken():
@@ -371,6 +388,7 @@ def test_the_summary_names_the_flights_that_broke_the_promise():
         "seed": 5, "site": "s", "vehicle": "x500", "manner": "px4", "verdict": "broken",
         "faults": [{"kind": "gps_no_fix", "at_s": 2.0}], "least_clearance_m": 0.5,
         "least_keep_out_m": -0.1, "greatest_step_mps": None, "controlled_s": 5.0, "within_s": 5.0,
+        "reached": False, "why": "holding: MOAR: wind 12.3 m/s > 10, holding", "cpu_s": 10.0,
         "violations": [
             {
                 "rule": "keep_out", "value": -0.1, "time_s": 9.0, "state": "flying", "outside": [],
@@ -378,8 +396,9 @@ def test_the_summary_names_the_flights_that_broke_the_promise():
             },
         ],
     }  # fmt: skip
-    text = summary([row], [10.0])
+    text = summary([row])
     assert "seed 5 (px4, x500, s): keep_out -0.1 at 9.0 s (flying). Faults: gps_no_fix" in text
     assert "| keep_out | within the promise | 2 | 1: 5 |" in text
-    assert "| gps_no_fix | 1 | 1 | 0 | 0.50 | 0.50 | -0.10 | -0.10 |  |  |" in text
+    assert "| gps_no_fix | 1 | 1 | 0 | 0 | 0.50 | 0.50 | -0.10 | -0.10 |  |  |" in text
+    assert "| holding: MOAR: wind # m/s > #, holding | 1 |" in text
     assert "1,000 flights: 2.8 h" in text

@@ -95,14 +95,14 @@ def row(seed, clearance_m, why=""):
     return {
         "seed": seed, "verdict": "kept" if clearance_m > 0.0 else "collision", "manner": "px4",
         "added": "wire", "least_clearance_m": clearance_m, "reached": not why, "why": why,
-        "sights": [[0.016, 11.0, 0.1], [0.016, 20.0, 4.0]],
+        "cpu_s": 2.0, "sights": [[0.016, 11.0, 0.1], [0.016, 20.0, 4.0]],
     }  # fmt: skip
 
 
 def test_the_summary_names_collisions_misses_and_false_conductors():
     rows = [row(1, 2.0), row(2, -0.3), row(3, 1.5, "holding: MOAR: no path"),
-            {"seed": 4, "verdict": "error", "error": "ValueError: x"}]  # fmt: skip
-    summary = command.summary(rows, [1.0, 2.0, 3.0, 4.0])
+            {"seed": 4, "verdict": "error", "error": "ValueError: x", "cpu_s": 4.0}]  # fmt: skip
+    summary = command.summary(rows)
     assert "4 flights: 1 collisions, 1 errors; 2 reached the target." in summary
     assert "Least clearance of a hull: -0.3 m (seed 2)" in summary
     assert "- seed 2 (px4, added wire): collision, -0.3 m; reached" in summary

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from moar_companion.config import Authority, Supervision
 
-from ..flights.campaign.drawing import draw
+from ..flights.campaign.drawing import Draw, draw
 from ..flights.campaign.flying import RandomFlight, Stopped
 from ..flights.lockstep import Lockstep
 from ..flights.operator import EVACUATION, EXIT, INSPECTION, RELEASE, Manner
@@ -19,9 +20,34 @@ SEEDS = (
     8, 11, 15, 18, 29, 39, 48, 59, 60, 99, 230, 244, 276, 329, 439, 486, 578, 609, 1492, 1711, 2703,
     4751, 5875, 7751, 10106,
 )  # fmt: skip
-"""Random flights that have every kind of fault once or more."""
+"""Random flights that have each of `KINDS` once or more."""
+KINDS = (
+    "wind_rises", "wind_beyond", "gusts", "gust_hard", "vertical_wind", "wind_turns",
+    "drag_unlike", "motors_weak", "gps_no_fix", "gps_silent", "gps_jammed", "satellites_few",
+    "hdop_worse", "estimate_noisy", "estimate_reset", "estimate_jump", "estimate_jump_far",
+    "estimate_jump_back", "estimate_drift", "height_drift", "battery_low", "battery_critical",
+    "voltage_low", "battery_drains", "battery_unreported", "motor_output_reported",
+    "link_loses", "link_delays", "link_reorders", "link_duplicates", "link_corrupts",
+    "link_cut", "link_deaf", "link_mute", "link_stalls", "radio_fades", "late_positions",
+    "late_modes", "forged_position", "forged_mode", "second_autopilot", "hostile_commands",
+    "gcs_lost", "rc_lost", "pilot_takes_mode", "pilot_gives_back", "pilot_flies", "sticks_take",
+    "operator_lands", "orders_contradict", "released", "autopilot_reboot", "clock_restarts",
+    "force_disarmed", "home_moved", "fence_drawn_in", "fence_uploaded", "loss_action_changed",
+    "parameters_missing", "stream_missing", "position_missing", "position_frozen",
+    "mode_unreported", "origin_moved", "companion_restarts", "companion_killed", "loop_pauses",
+    "planner_slow", "planner_silent", "disk_full", "memory_low", "read_late",
+)  # fmt: skip
+"""Kinds of faults from which they are drawn: a new kind changes no trace."""
+
+
+def drawn(seed: int) -> Draw:
+    """The flight of a seed, with the companion from the boot on, and to its end."""
+    return replace(draw(seed, KINDS), whole=True)
+
+
 FLIGHTS: dict[str, tuple[Callable[[], Lockstep], Callable[[Any], object]]] = {
-    f"seed-{seed}": (lambda seed=seed: RandomFlight(draw(seed)), RandomFlight.fly) for seed in SEEDS
+    f"seed-{seed}": (lambda seed=seed: RandomFlight(drawn(seed)), RandomFlight.fly)
+    for seed in SEEDS
 }
 """Preparation and flight of each."""
 

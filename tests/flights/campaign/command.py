@@ -1,8 +1,10 @@
-"""The command: flies seeds, writes a row for each, and prints the broken promises.
+"""The command: flies seeds, writes a row for each, and a report.
 
-    python -m tests.flights.campaign --seeds A:B [--workers N] [--out DIR] [--trace]
+    python -m tests.flights.campaign --seeds A:B [--workers N | --scheduler ADDRESS] [--out DIR]
 
-Rows: DIR/flights.jsonl, in the order of the seeds. Exit status 1 when a flight broke the promise.
+DIR: flights.jsonl and flights.parquet (a row for each flight), report.html, summary.md, and
+broken-SEED.png for each flight that broke the promise. A second call with the same DIR flies only
+the seeds that DIR lacks, and reports all. Exit status 1 when a flight broke the promise.
 """
 
 from __future__ import annotations
@@ -10,14 +12,17 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-import multiprocessing
 import sys
-import time
 from pathlib import Path
 
+from moar_companion.errors import InputError
+
+from .batch import Files, Row, add_arguments, fly_all, write_table
 from .flying import Record, fly
-from .judge import judge
-from .report import summary
+from .judge import Judgement, judge
+from .picture import flight_png
+from .report import report, summary
+from .rows import schema, table_row
 
 TRACED = (
     "time_s", "mode", "state", "x_m", "y_m", "z_m", "error_x_m", "error_y_m", "error_z_m",
@@ -26,33 +31,46 @@ TRACED = (
 )  # fmt: skip
 
 
-def row_of(seed: int) -> dict:
+def row_of(seed: int) -> Row:
     """The row of a seed: the same each time."""
-    return _row(fly(seed))
+    record = fly(seed)
+    return _row(record, judge(record))
 
 
-def _row(record: Record) -> dict:
+def flown(seed: int) -> tuple[Row, Files]:
+    """The row of a seed, and the picture of a flight that broke the promise."""
+    record = fly(seed)
+    judgement = judge(record)
+    broken = judgement.verdict == "broken"
+    files = {f"broken-{seed}.png": flight_png(record, judgement)} if broken else {}
+    return _row(record, judgement), files
+
+
+def _row(record: Record, judgement: Judgement) -> Row:
     drawn = record.draw
     return {
         "seed": drawn.seed,
         "site": drawn.site.name,
         "vehicle": drawn.vehicle,
         "manner": drawn.manner.value,
+        "firmware": drawn.firmware,
         "authority": drawn.authority.value,
+        "lidar": drawn.lidar,
+        "signed": drawn.signed,
+        "whole": drawn.whole,
         "wind_mps": round(drawn.wind_mps, 2),
         "faults": record.notes,
-        **judge(record).row,
+        "reached": not record.why,
+        "why": record.why,
+        **judgement.row,
         "states": list(dict.fromkeys(record.states)),
     }
 
 
-def _timed(seed: int) -> tuple[int, dict, float]:
-    return timed_row(row_of, seed)
-
-
 def trace(seed: int, directory: Path) -> None:
-    """State at each step of one flight (.csv); its row and the texts to operators (.txt)."""
+    """State at each step of one flight (.csv, .png); its row and the texts to operators (.txt)."""
     record = fly(seed)
+    judgement = judge(record)
     sent = {round(item.time_s, 3): item for item in record.sent}
     with (directory / f"trace-{seed}.csv").open("w", newline="") as file:
         writer = csv.writer(file)
@@ -68,64 +86,34 @@ def trace(seed: int, directory: Path) -> None:
             ]
             words = [f"{time_s:.2f}", record.modes[index], record.states[index]]
             writer.writerow([*words, *(f"{number:.3f}" for number in numbers)])
+    (directory / f"trace-{seed}.png").write_bytes(flight_png(record, judgement))
     (directory / f"trace-{seed}.txt").write_text(
-        "\n".join([json.dumps(_row(record), indent=1), *record.texts]) + "\n"
+        "\n".join([json.dumps(_row(record, judgement), indent=1), *record.texts]) + "\n"
     )
 
 
-def seeds_of(text: str) -> range:
-    """`A:B`, B not included, or one seed."""
-    first, _, end = text.partition(":")
-    try:
-        return range(int(first), int(end) if end else int(first) + 1)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be A:B or A, whole numbers") from None
-
-
-def fly_all(timed, seeds: range, workers: int, out: Path) -> tuple[list[dict], list[float]]:
-    """Rows and processor seconds of all seeds; the rows are also written, in order.
-
-    timed: a function of a module, of a seed to that seed, its row and its seconds.
-    """
-    rows, seconds = [], []
-    context = multiprocessing.get_context("spawn")
-    with (
-        context.Pool(workers, maxtasksperchild=25) as pool,
-        (out / "flights.jsonl").open("w") as file,
-    ):
-        for seed, row, spent_s in pool.imap(timed, seeds):
-            rows.append(row)
-            seconds.append(spent_s)
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            sys.stderr.write(f"{seed} {row['verdict']} {spent_s:.1f} s\n")
-    return rows, seconds
-
-
-def timed_row(row_of, seed: int) -> tuple[int, dict, float]:
-    """A seed, its row and its processor seconds."""
-    began_s = time.process_time()
-    try:
-        row = row_of(seed)
-    except Exception as error:  # noqa: BLE001 - a flight that cannot be flown is a row, too
-        row = {"seed": seed, "verdict": "error", "error": f"{type(error).__name__}: {error}"}
-    return seed, row, time.process_time() - began_s
-
-
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status 0 when the promise was kept, 1 when it was broken."""
+    """Exit status 0 when the promise was kept, 1 when it was broken, 2 for wrong arguments."""
     parser = argparse.ArgumentParser(prog="python -m tests.flights.campaign", description=__doc__)
-    parser.add_argument("--seeds", type=seeds_of, required=True, metavar="A:B")
-    parser.add_argument("--workers", type=int, default=1, metavar="N")
-    parser.add_argument("--out", type=Path, default=Path("campaign"), metavar="DIR")
-    parser.add_argument("--trace", action="store_true", help="a trace of each flight, too")
+    add_arguments(parser, "campaign")
+    parser.add_argument("--trace", action="store_true", help="trace each flight; no rows")
     options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
+    out = options.out
     if options.trace:
+        out.mkdir(parents=True, exist_ok=True)
         for seed in options.seeds:
-            trace(seed, options.out)
-    rows, seconds = fly_all(_timed, options.seeds, options.workers, options.out)
-    text = summary(rows, seconds)
-    (options.out / "summary.md").write_text(text)
+            trace(seed, out)
+        return 0
+    try:
+        rows = fly_all(
+            flown, options.seeds, out, workers=options.workers, scheduler=options.scheduler
+        )
+    except InputError as error:
+        sys.stderr.write(f"{parser.prog}: {error}\n")
+        return 2
+    write_table([table_row(row) for row in rows], out, schema())
+    (out / "report.html").write_text(report(rows, out))
+    text = summary(rows)
+    (out / "summary.md").write_text(text)
     sys.stdout.write(text)
     return int(any(row["verdict"] in {"broken", "error"} for row in rows))

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import shapely
-from shapely.geometry import Point
+from moar_companion.config import Authority
+from moar_companion.site import Site
 
-from moar_companion.config import Authority, shipped_configs
-from moar_companion.frames import SiteFrame
-from moar_companion.site import Conductor, Obstacle, Polygon, Site, Target, Workspace
-from moar_companion.types import GeodeticPoint, Mission
-
-from ..judging import shape
 from ..operator import EVACUATION, EXIT, INSPECTION, Manner
 from .kinds import KINDS
+from .sites import SHIPPED, generated_site, shipped_site
 
-SHIPPED = ("315kv_double_circuit", "120kv_single_circuit", "horizontal_three_conductors")
 VEHICLES = ("x500", "x500", "linedrone_uniform", "linedrone")
 LASTS_S = 55.0
 """Duration of a flight, from its first order."""
 FAULTS_S = (2.0, 35.0)
-FREE_COLUMN_M = 5.0
-"""Around the take-off."""
-STANDOFF_M = (3.8, 5.0)
+FROM_GROUND = 0.25
+"""Share of the flights that are flown whole."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +43,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draw:
-    """All inputs of one flight."""
+    """All inputs of one flight. site: the true one."""
 
     seed: int
     site: Site
@@ -64,18 +57,40 @@ class Draw:
     orders: tuple[Order, ...]
     faults: tuple[Fault, ...]
     lasts_s: float = field(default=LASTS_S)
+    mapped: Site | None = None
+    """Site of the companion's file; None: the true one."""
+    map_error_m: float = 0.0
+    """Greatest distance of an obstacle from its place in the file."""
+    gap_part: float | None = None
+    """Width of the site's narrow gap, over the width that is needed."""
+    whole: bool = True
+    """The companion is there from the boot on, and also flies after a landing; otherwise it starts
+    beside an aircraft in the air, and the flight ends after a landing."""
+    lidar: bool = False
+    signed: bool = False
+    orders_by_mqtt: bool = False
+    firmware: str = ""
+    """Version whose names the autopilot's parameters have; empty: of the fake's own."""
+
+    @property
+    def file_site(self) -> Site:
+        """Site of the companion's file."""
+        return self.site if self.mapped is None else self.mapped
 
 
-def draw(seed: int) -> Draw:
-    """The flight of a seed. Successive seeds take successive kinds for the first fault."""
+def draw(seed: int, kinds: Sequence[str] | None = None) -> Draw:
+    """The flight of a seed. Successive seeds take successive kinds for the first fault.
+
+    kinds: those to draw from; None: all.
+    """
     rng = random.Random(seed)
     manner = rng.choice(list(Manner))
-    names = [name for name, kind in KINDS.items() if manner in kind.manners]
-    kinds = [names[seed % len(names)]]
-    while len(kinds) < 3 and rng.random() < 0.4:
-        kinds.append(rng.choice(names))
-    site = _shipped(rng) if rng.random() < 0.6 else generated_site(rng, seed)
-    return Draw(
+    names = [name for name in kinds or KINDS if manner in KINDS[name].manners]
+    chosen = [names[seed % len(names)]]
+    while len(chosen) < 3 and rng.random() < 0.4:
+        chosen.append(rng.choice(names))
+    site = shipped_site(rng.choice(SHIPPED)) if rng.random() < 0.6 else generated_site(rng, seed)
+    drawn = Draw(
         seed=seed,
         site=site,
         vehicle=rng.choice(VEHICLES),
@@ -86,12 +101,23 @@ def draw(seed: int) -> Draw:
         wind_from_deg=rng.uniform(0.0, 360.0),
         gust_mps=rng.choice((0.0, 0.0, rng.uniform(0.0, 0.8))),
         orders=_orders(rng, len(site.targets)),
-        faults=tuple(_fault(rng, name) for name in kinds),
+        faults=tuple(_fault(rng, name) for name in _compatible(chosen)),
+        whole=rng.random() < FROM_GROUND,
     )
+    for fault in drawn.faults:
+        prepare = KINDS[fault.kind].prepare
+        if prepare is not None:
+            drawn = prepare(drawn, random.Random(fault.seed))
+    return drawn
 
 
-def _shipped(rng: random.Random) -> Site:
-    return Site.load(shipped_configs() / "sites" / f"{rng.choice(SHIPPED)}.yaml")
+def _compatible(chosen: list[str]) -> list[str]:
+    """The kinds, without a second one that prepares the flight: it would undo the first."""
+    kept: list[str] = []
+    for name in chosen:
+        if KINDS[name].prepare is None or all(KINDS[each].prepare is None for each in kept):
+            kept.append(name)
+    return kept
 
 
 def _parameters(rng: random.Random, manner: Manner) -> dict[str, float]:
@@ -119,67 +145,3 @@ def _fault(rng: random.Random, name: str) -> Fault:
         lasts_s=round(rng.uniform(low_s, high_s), 2),
         seed=rng.randrange(2**32),
     )
-
-
-def generated_site(rng: random.Random, seed: int) -> Site:
-    """One to five conductors, sometimes a tower leg; two targets; landing points on both sides."""
-    start_m = (27.0, 2.5)
-    obstacles: list[Obstacle] = [
-        Conductor(
-            name=f"conductor {number}",
-            position_m=(rng.uniform(4.0, start_m[0] - FREE_COLUMN_M), rng.uniform(4.0, 18.0)),
-            radius_m=rng.uniform(0.01, 0.03),
-            keep_out_m=rng.choice((0.0, 0.25, rng.uniform(0.0, 0.8))),
-        )
-        for number in range(rng.randint(1, 5))
-    ]
-    if rng.random() < 0.4:
-        x_m, wide_m, high_m = rng.uniform(6.0, 18.0), rng.uniform(0.5, 2.0), rng.uniform(4.0, 12.0)
-        corners = ((x_m, 0.0), (x_m + wide_m, 0.0), (x_m + wide_m, high_m), (x_m, high_m))
-        obstacles.append(Polygon(name="tower leg", vertices_m=corners, keep_out_m=0.3))
-    origin = GeodeticPoint(
-        latitude_deg=rng.uniform(-60.0, 60.0),
-        longitude_deg=rng.uniform(-179.0, 179.0),
-        altitude_amsl_m=rng.uniform(0.0, 1500.0),
-    )
-    return Site(
-        name=f"generated {seed}",
-        frame=SiteFrame(origin=origin, azimuth_deg=rng.uniform(0.0, 360.0)),
-        workspace=Workspace(
-            lower_m=(0.0, 0.0), upper_m=(30.0, 20.0), resolution_m=0.3, min_altitude_m=2.0
-        ),
-        obstacles=tuple(obstacles),
-        start_m=start_m,
-        targets=tuple(_targets(rng, obstacles)),
-        landing_m={
-            Mission.EXIT: ((40.0, 2.5),),
-            Mission.EVACUATION: ((-10.0, 2.5), (40.0, 2.5)),
-        },
-    )
-
-
-def _targets(rng: random.Random, obstacles: list[Obstacle]) -> list[Target]:
-    """Two places at a standoff from a conductor, and at least as far from all others."""
-    conductors = [item for item in obstacles if isinstance(item, Conductor)]
-    targets: list[Target] = []
-    for _ in range(200):
-        conductor = rng.choice(conductors)
-        standoff_m, angle_rad = rng.uniform(*STANDOFF_M), rng.uniform(0.0, math.tau)
-        x_m = conductor.position_m[0] + standoff_m * math.cos(angle_rad)
-        z_m = conductor.position_m[1] + standoff_m * math.sin(angle_rad)
-        room_m = min(
-            shapely.distance(shape(item), Point(x_m, z_m)) - item.keep_out_m for item in obstacles
-        )
-        if 1.0 < x_m < 29.0 and 3.0 < z_m < 19.0 and room_m > STANDOFF_M[0] - 1.0:
-            name = f"target {len(targets)}"
-            targets.append(
-                Target(
-                    name=name,
-                    position_m=(x_m, z_m),
-                    dwell_s=rng.uniform(2.0, 8.0),
-                    look_at_m=conductor.position_m,
-                )
-            )
-        if len(targets) == 2:
-            return targets
-    return [*targets, Target(name="in the open", position_m=(28.0, 8.0), dwell_s=5.0)]

@@ -5,25 +5,33 @@ from __future__ import annotations
 import math
 import random
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from shapely.geometry import Point
 
 from moar_companion.config import Authority
 from moar_companion.error_margin import measured_margin
+from moar_companion.mqtt_config import Mqtt, MqttCommands
 from moar_companion.safety.setpoint_gate import distance_m
-from moar_companion.vehicle import Vehicle
+from moar_companion.vehicle import Vehicle, YawMode
 from sitl.geodesy import Geodetic, TrueFrame
 from sitl.manners import KINDS as AUTOPILOTS
-from sitl.quadrotor import GRAVITY_MPS2
+from sitl.quadrotor import GRAVITY_MPS2, wrap_pi
 from sitl.wire import packets as cut
+from tests.mavlink.signed import SECRET
+from tests.vehicles import named_vehicle
 
 from ..aircraft import STEP_S
-from ..lockstep import COMPANION_LINK, Lockstep
-from ..operator import Manner
+from ..judging import shape
+from ..lidar_on_board import scene_of
+from ..lockstep import COMPANION_LINK, HEARD_S, Lockstep
+from ..operator import INSPECTION, Manner
+from ..reasons import reason
 from . import packets
 from .drawing import Draw, draw
 from .kinds import KINDS, Breaks
+from .kinds.firmware import OPTIONS
 
 WIND_LIMIT_MPS = 15.0
 HOLDS = 0.8
@@ -42,6 +50,9 @@ ON_LEG_M = 0.2
 _READY_S = 1.5
 _AGAIN_S = 4.0
 _MAX_TRIES = 3
+_LANDED_S = 3.0
+"""Time on the ground with stopped motors after which a flight is over."""
+MQTT = Mqtt(url="mqtt://broker", commands=MqttCommands(accept=True))
 
 
 def held_wind_mps(manner: Manner) -> float:
@@ -108,6 +119,26 @@ class Record:
     forbidden: list[tuple[float, str]]
     notes: list[dict]
     texts: list[str] = field(default_factory=list)
+    missions_s: list[float] = field(default_factory=list)
+    """Times at which a mission was ordered; repetitions of a rejected order left out."""
+
+    @property
+    def why(self) -> str:
+        """Reason why the first order's goal was not reached; empty if it was.
+
+        The goal: to be at a target, or on the leg to a landing point.
+        """
+        inspects = self.draw.orders[0].mission == INSPECTION
+        goal = "at_target" if inspects else "landing_leg"
+        end_s = min(self.missions_s[1:], default=math.inf)
+        before = [
+            state for time_s, state in zip(self.time_s, self.states, strict=True) if time_s <= end_s
+        ]
+        if goal in before:
+            return ""
+        if end_s < math.inf:
+            return "another order came before"
+        return reason(self.states[-1], self.texts)
 
 
 class Stopped:
@@ -126,6 +157,9 @@ class Stopped:
         if self.keeps:
             self.received.append((link, data))
 
+    def perceived(self, _report):
+        """Reports of the perception are lost."""
+
     def plan_answered(self, answer):
         if self.keeps:
             self.answers.append(answer)
@@ -134,19 +168,32 @@ class Stopped:
         return ()
 
     tick = contingency_answered = plan_jobs = contingency_jobs = decisions = _nothing
-    data_to_send = calls = _nothing
+    data_to_send = calls = map_jobs = pose_notes = _nothing
 
 
 class RandomFlight(Lockstep):
     """A drawn flight with the methods that its faults need."""
 
     def __init__(self, drawn: Draw) -> None:
+        vehicle, options = named_vehicle(drawn.vehicle), dict(OPTIONS.get(drawn.firmware, {}))
+        if drawn.lidar:  # it scans the site's plane
+            azimuth_deg = drawn.site.frame.azimuth_deg
+            options["yaw_deg"] = azimuth_deg
+            guidance = replace(
+                vehicle.guidance,
+                yaw_mode=YawMode.FIXED,
+                fixed_yaw_rad=wrap_pi(math.radians(azimuth_deg)),
+            )
+            vehicle = replace(vehicle, guidance=guidance)
         super().__init__(
-            site=drawn.site,
-            vehicle=drawn.vehicle,
+            site=drawn.file_site,
+            vehicle=vehicle,
             manner=drawn.manner,
             authority=drawn.authority,
-            options={"parameters": drawn.parameters, "seed": drawn.seed},
+            options={"parameters": drawn.parameters, "seed": drawn.seed, **options},
+            secret=SECRET if drawn.signed else None,
+            lidar_scene=scene_of(drawn.site) if drawn.lidar else None,
+            **({"mqtt": MQTT} if drawn.orders_by_mqtt else {}),
         )
         self.drawn = drawn
         self.held_wind_mps = held_wind_mps(drawn.manner)
@@ -156,16 +203,22 @@ class RandomFlight(Lockstep):
         self.sent: list[Sent] = []
         self.modes: list[str] = []
         self.orders_s: list[float] = []
+        self.missions_s: list[float] = []
         self.taken_reported_s: list[float] = []
         self.forbidden: list[tuple[float, str]] = []
         self.began_s: dict[str, tuple[float, float]] = {}
         self.broken_s: dict[Breaks, float] = {}
         self.notes: list[dict] = []
         self._noted: dict = {}
+        self._alone = False
+        """The companion does not run yet."""
         self._each_step: list = []
         self._later: list[tuple[float, object]] = []
         self._position_s = self._mode_s = -math.inf
         self._accuracy_m = 0.0
+        self._landed_s = math.inf
+        self.start_s = math.inf
+        """Time of the first order."""
         self._ready_since_s: float | None = None
         self._asked_s = -math.inf
         self._tries = 0
@@ -197,6 +250,11 @@ class RandomFlight(Lockstep):
         """Pass packets to the companion through a filter; returns the function that ends it."""
         self.filters.append(one)
         return lambda: self.filters.remove(one)
+
+    @property
+    def key(self) -> bytes:
+        """Key of the links; empty where they are not signed."""
+        return SECRET if self.drawn.signed else b""
 
     def flag(self, name: str, value):
         """Set an attribute; returns the function that restores it."""
@@ -232,6 +290,38 @@ class RandomFlight(Lockstep):
         move(start, end)
         return lambda: move(end, start)
 
+    def when(self, condition, act) -> None:
+        """Call once, in the first step in which a condition holds: a fault begins only then."""
+        noted = self._noted
+
+        def look(_):
+            if condition():
+                end()
+                self._noted = noted
+                act()
+
+        end = self.each_step(look)
+
+    @property
+    def place_m(self) -> tuple[float, float, float]:
+        """True place of the aircraft in the site's frame."""
+        return self.rows[-1][1:4]
+
+    @property
+    def room_m(self) -> float:
+        """True distance from the hull to the nearest obstacle."""
+        x_m, _, z_m = self.place_m
+        nearest_m = min(
+            (shape(item).distance(Point(x_m, z_m)) for item in self.drawn.site.obstacles),
+            default=math.inf,
+        )
+        return nearest_m - self.vehicle.radius_m
+
+    @property
+    def commanded(self) -> bool:
+        """True while the companion flies the aircraft to or at a target."""
+        return self.state in {"flying", "at_target"} and self.operator.in_mode("ours")
+
     def stop_companion(self, *, killed: bool) -> None:
         """Stop the companion; killed: its process has ended."""
         if not isinstance(self.companion, Stopped):
@@ -256,16 +346,22 @@ class RandomFlight(Lockstep):
             return
         memory = self.companion.memory
         self.companion = self.new_companion(before=memory)
+        if self.lidar is not None:
+            self.lidar.restart()
 
     # Steps
 
     def step(self) -> None:
+        if self._alone:
+            self.move()
+            return
         for act in list(self._each_step):
             act(STEP_S)
         for item in [item for item in self._later if item[0] <= self.now_s]:
             self._later.remove(item)
             item[1]()
         before = len(self.setpoints)
+        self.blind = not self.truth.armed
         super().step()
         self._write_down(self.setpoints[before:])
 
@@ -287,7 +383,7 @@ class RandomFlight(Lockstep):
     def _sent_s(self, packet: bytes) -> float:
         if packets.number(packet) != packets.LOCAL_POSITION:
             return self.now_s
-        (boot_ms,) = struct.unpack_from("<I", packet[10:-2] + b"\0\0\0\0")
+        (boot_ms,) = struct.unpack_from("<I", packet, packets.HEADER_BYTES)
         return self.autopilot.manner._boot_us / 1e6 + boot_ms / 1e3
 
     def _look(self, sent_s: float, packet: bytes) -> None:
@@ -386,7 +482,13 @@ class RandomFlight(Lockstep):
     def order(self, mission: int, index: float = -1) -> None:
         """The operator orders, and gives the mode when a hold is offered."""
         self._wanted, self._tries = (mission, index), 0
+        self.missions_s.append(self.now_s)
         self._send_order()
+
+    def pause_or_go_on(self, word: str) -> None:
+        """The operator orders `pause` or `go_on`."""
+        self.note_order()
+        (self.operator.pause if word == "pause" else self.operator.go_on)()
 
     def _send_order(self) -> None:
         self._asked_s = self.now_s
@@ -400,12 +502,12 @@ class RandomFlight(Lockstep):
         conditions = self.autopilot.conditions
         conditions.wind_mps, conditions.wind_from_deg = drawn.wind_mps, drawn.wind_from_deg
         conditions.gust_mps = drawn.gust_mps
-        self.take_off()
-        start_s = self.now_s
+        self._begin_in_the_air()
+        self.start_s = start_s = self.now_s
         due = [(start_s + fault.at_s, number, fault) for number, fault in enumerate(drawn.faults)]
         ends: list = []
         orders = list(drawn.orders)
-        while self.now_s < start_s + drawn.lasts_s:
+        while self.now_s < start_s + drawn.lasts_s and not self._is_over():
             while orders and self.now_s >= start_s + orders[0].at_s:
                 self._carry_out(orders.pop(0))
             for item in [item for item in due if item[0] <= self.now_s]:
@@ -420,32 +522,41 @@ class RandomFlight(Lockstep):
             self.step()
         return self._record()
 
+    def _begin_in_the_air(self) -> None:
+        """Takes off; unless the flight is flown whole, the companion starts only then."""
+        self._alone = not self.drawn.whole
+        self.take_off()
+        if self._alone:
+            self._alone = False
+            self.run(HEARD_S)
+
+    def _is_over(self) -> bool:
+        """True some time after a landing, unless the flight is flown whole."""
+        if self.truth.armed or self.drawn.whole:
+            self._landed_s = self.now_s
+        return self.now_s - self._landed_s > _LANDED_S
+
     def _carry_out(self, order) -> None:
         if order.word == "mission":
             self.order(order.mission, order.index)
         else:
-            self.note_order()
-            (self.operator.pause if order.word == "pause" else self.operator.go_on)()
+            self.pause_or_go_on(order.word)
 
     def _begin_fault(self, number, fault, ends) -> None:
         kind = KINDS[fault.kind]
-        self._noted = {}
+        self._noted = {"kind": fault.kind, "at_s": fault.at_s}
+        self.notes.append(self._noted)
         undo = kind.begin(self, random.Random(fault.seed))
         key = f"{number} {fault.kind}"
         self.began_s[key] = (self.now_s, math.inf if undo else self.now_s)
         if undo:
             ends.append((self.now_s + fault.lasts_s, undo, key))
-        for part in (Breaks.AIRCRAFT, Breaks.WORDS):
+        # On a signed link, words that others sent are refused.
+        parts = (Breaks.AIRCRAFT,) if self.drawn.signed else (Breaks.AIRCRAFT, Breaks.WORDS)
+        for part in parts:
             if part in kind.breaks:
                 self.broken_s.setdefault(part, self.now_s)
-        self.notes.append(
-            {
-                "kind": fault.kind,
-                "at_s": fault.at_s,
-                "lasts_s": fault.lasts_s if undo else None,
-                **self._noted,
-            }
-        )
+        self._noted["lasts_s"] = fault.lasts_s if undo else None
 
     def _insist(self) -> None:
         """Give the mode when a hold is offered; repeat an order that was temporarily rejected."""
@@ -483,6 +594,7 @@ class RandomFlight(Lockstep):
             began_s=self.began_s,
             broken_s=self.broken_s,
             orders_s=self.orders_s,
+            missions_s=self.missions_s,
             taken_reported_s=self.taken_reported_s,
             forbidden=self.forbidden,
             notes=self.notes,

@@ -116,25 +116,25 @@ def room_m(site: Site, points_m: np.ndarray, radius_m: float, *, keep_out: bool)
 def judge(record: Record) -> Judgement:
     """The judgement of a flight."""
     outside = _outside(record)
-    controlled = _controlled(record)
+    ours = controlled(record)
     violations = [
-        *_on_the_truth(record, outside, controlled),
+        *_on_the_truth(record, outside, ours),
         *_Stream(record).violations(),
         *_silence(record),
         *_authority(record),
     ]
-    points = record.true_m[controlled][:, [0, 2]]
+    points = record.true_m[ours][:, [0, 2]]
     site, radius_m = record.draw.site, record.vehicle.radius_m
-    error = np.linalg.norm(record.error_m, axis=1) / _promised_error_m(record)
-    within = controlled & ~np.any(list(outside.values()), axis=0)
+    error = _error_m(record) / _promised_error_m(record)
+    within = ours & ~np.any(list(outside.values()), axis=0)
     step_s = float(np.median(np.diff(record.time_s)))
     return Judgement(
         violations=_first_of_each(violations),
         least_clearance_m=_least(room_m(site, points, radius_m, keep_out=False)),
         least_keep_out_m=_least(room_m(site, points, radius_m, keep_out=True)),
         greatest_step_mps=_greatest(_Stream(record).speeds_mps()),
-        greatest_error=_greatest(error[controlled]),
-        controlled_s=round(float(controlled.sum() * step_s), 2),
+        greatest_error=_greatest(error[ours]),
+        controlled_s=round(float(ours.sum() * step_s), 2),
         within_s=round(float(within.sum() * step_s), 2),
     )
 
@@ -158,6 +158,11 @@ def _greatest(values) -> float | None:
 # Parts of the promise ---------------------------------------------------------------------------
 
 
+def _error_m(record: Record) -> np.ndarray:
+    """Error of the estimate, and of the site file: both bring an obstacle nearer."""
+    return np.linalg.norm(record.error_m, axis=1) + record.draw.map_error_m
+
+
 def _promised_error_m(record: Record) -> np.ndarray:
     return ERROR_FACTOR * np.maximum(record.margin_m, record.reported_m)
 
@@ -165,7 +170,7 @@ def _promised_error_m(record: Record) -> np.ndarray:
 def _outside(record: Record) -> dict[str, np.ndarray]:
     """For each part of the promise: the steps at which it does not hold."""
     time_s = record.time_s
-    error = np.linalg.norm(record.error_m, axis=1) > _promised_error_m(record)
+    error = _error_m(record) > _promised_error_m(record)
     wind = np.linalg.norm(record.wind_mps, axis=1) > record.held_wind_mps + 1e-9
     found = {
         "position": _for_a_while(time_s, error),
@@ -194,7 +199,7 @@ def _for_a_while(time_s: np.ndarray, broken: np.ndarray) -> np.ndarray:
     return time_s - last_s <= AFTERMATH_S
 
 
-def _controlled(record: Record) -> np.ndarray:
+def controlled(record: Record) -> np.ndarray:
     """Steps at which the companion's setpoints command the aircraft, or did until just before."""
     found = np.zeros(len(record.time_s), dtype=bool)
     sent_s = np.array([item.time_s for item in record.sent])
@@ -220,13 +225,13 @@ def _in_this_control(record: Record, sent_s: float, index: int) -> bool:
 # Rules ------------------------------------------------------------------------------------------
 
 
-def _on_the_truth(record, outside, controlled):
+def _on_the_truth(record, outside, ours):
     points = record.true_m[:, [0, 2]]
     for rule, keep_out in (("collision", False), ("keep_out", True)):
         room = room_m(record.draw.site, points, record.vehicle.radius_m, keep_out=keep_out)
         # Only an entry under control counts: the aircraft may be inside when control begins.
         inside = (room < 0.0) & record.airborne
-        entered = inside & controlled & ~np.roll(inside, 1)
+        entered = inside & ours & ~np.roll(inside, 1)
         for index in np.flatnonzero(entered):
             names = tuple(name for name, steps in outside.items() if steps[index])
             until = index + int(np.argmin(inside[index:])) if not inside[index:].all() else None
@@ -252,7 +257,10 @@ class _Stream:
         )  # fmt: skip
         self._sent = record.sent
         reported = np.array([item.reported_m for item in self._sent]).reshape(-1, 3)
-        self._room = room_m(record.draw.site, reported[:, [0, 2]], vehicle.radius_m, keep_out=True)
+        # The companion knows the obstacles of its file.
+        self._room = room_m(
+            record.draw.file_site, reported[:, [0, 2]], vehicle.radius_m, keep_out=True
+        )
         self._away = np.array([self._away_m(item.reported_m) for item in self._sent])
         silent = [state not in STREAMING for state in record.states]
         self._silent_steps = np.concatenate([[0], np.cumsum(silent)])

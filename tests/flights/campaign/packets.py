@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -20,6 +21,7 @@ HEARTBEAT, SYSTEM_TIME, ATTITUDE, LOCAL_POSITION, GLOBAL_POSITION = 0, 2, 30, 32
 SYS_STATUS, GPS_RAW_INT, BATTERY_STATUS, CURRENT_MODE = 1, 24, 147, 436
 PARAM_VALUE, SERVO_OUTPUT, ESTIMATOR_STATUS, ODOMETRY, EXTENDED_SYS_STATE = 22, 36, 230, 331, 245
 HOME_POSITION, GPS_GLOBAL_ORIGIN, TIMESYNC = 242, 49, 111
+HEADER_BYTES = 10
 _codec = mavlink.MAVLink(None)
 
 
@@ -36,11 +38,37 @@ def decoded(packet: bytes):
         return None
 
 
-def packed(message, *, system: int = 1, component: int = 1, seq: int = 0) -> bytes:
+class Signature(NamedTuple):
+    """Key, link and time stamp of a packet's signature."""
+
+    key: bytes
+    link_id: int
+    stamp: int
+
+
+def packed(
+    message,
+    *,
+    system: int = 1,
+    component: int = 1,
+    seq: int = 0,
+    signature: Signature | None = None,
+) -> bytes:
     """A packet with these sender ids."""
     packer = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
     packer.seq = seq
+    if signature is not None:
+        signing = packer.signing
+        signing.secret_key, signing.link_id, signing.timestamp = signature
+        signing.sign_outgoing = True
     return bytes(message.pack(packer))
+
+
+def _signature(packet: bytes, key: bytes) -> Signature | None:
+    """The signature that a changed packet needs; None if the packet is not signed."""
+    if not packet[2] & 1:
+        return None
+    return Signature(key=key, link_id=packet[-13], stamp=int.from_bytes(packet[-12:-6], "little"))
 
 
 def drop(*ids: int) -> Filter:
@@ -48,15 +76,15 @@ def drop(*ids: int) -> Filter:
     return lambda _, items: [item for item in items if number(item[1]) not in ids]
 
 
-def change(ids: set[int], edit: Callable[[object], None]) -> Filter:
-    """Messages of these ids arrive edited."""
+def change(ids: set[int], edit: Callable[[object], None], key: bytes = b"") -> Filter:
+    """Messages of these ids arrive edited. key: of a signed link."""
 
     def changed(packet: bytes) -> bytes:
         message = decoded(packet) if number(packet) in ids else None
         if message is None:
             return packet
         edit(message)
-        return packed(message, seq=packet[4])
+        return packed(message, seq=packet[4], signature=_signature(packet, key))
 
     return lambda _, items: [(sent_s, changed(packet)) for sent_s, packet in items]
 
@@ -89,6 +117,25 @@ def corrupt(chance: Callable[[], bool], bit: Callable[[int], int]) -> Filter:
         return bytes(data)
 
     return lambda _, items: [(s, broken(p)) if chance() else (s, p) for s, p in items]
+
+
+def late(by_s: float) -> Filter:
+    """All packets arrive later, and count as sent then."""
+    under_way: deque[tuple[float, bytes]] = deque()
+
+    def delayed(now_s: float, items: list[Item]) -> list[Item]:
+        under_way.extend((now_s + by_s, packet) for _, packet in items)
+        arrived = []
+        while under_way and under_way[0][0] <= now_s:
+            arrived.append((now_s, under_way.popleft()[1]))
+        return arrived
+
+    return delayed
+
+
+def lose(chance: Callable[[], bool]) -> Filter:
+    """Some packets do not arrive."""
+    return lambda _, items: [item for item in items if not chance()]
 
 
 def hold_back(until_s: float) -> Filter:

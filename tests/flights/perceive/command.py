@@ -1,26 +1,28 @@
 """The command: flies seeds, writes a row for each, and prints the collisions.
 
-    python -m tests.flights.perceive --seeds A:B [--workers N] [--out DIR]
+    python -m tests.flights.perceive --seeds A:B [--workers N | --scheduler ADDRESS] [--out DIR]
 
-Rows: DIR/flights.jsonl, in the order of the seeds. Exit status 1 after a collision.
+Rows: DIR/flights.jsonl and DIR/flights.parquet. A second call with the same DIR flies only the
+seeds that DIR lacks. Exit status 1 after a collision.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 import numpy as np
 
-from ..campaign.command import fly_all, seeds_of, timed_row
+from moar_companion.errors import InputError
+
+from ..campaign.batch import Files, Row, add_arguments, fly_all, write_table
 from .flying import fly
 
 FALSE_M = 2.5
 """A reported conductor farther from all true ones is a false one: the position's error is less."""
 
 
-def row_of(seed: int) -> dict:
+def row_of(seed: int) -> Row:
     """The row of a seed: the same each time."""
     flight = fly(seed)
     drawn = flight.draw
@@ -46,20 +48,21 @@ def row_of(seed: int) -> dict:
     }
 
 
-def timed(seed: int) -> tuple[int, dict, float]:
-    """A seed, its row and its processor seconds."""
-    return timed_row(row_of, seed)
+def flown(seed: int) -> tuple[Row, Files]:
+    """The row of a seed; no files."""
+    return row_of(seed), {}
 
 
-def summary(rows: list[dict], seconds: list[float]) -> str:
+def summary(rows: list[Row]) -> str:
     """Collisions, clearances, targets, and first sights by diameter, in Markdown."""
     flown = [row for row in rows if row["verdict"] != "error"]
     clear_m = [row["least_clearance_m"] for row in flown]
     collisions = sum(row["verdict"] == "collision" for row in rows)
     reached = sum(row["reached"] for row in flown)
+    spent_s = np.mean([row["cpu_s"] for row in rows])
     summary_line = (
         f"{len(rows)} flights: {collisions} collisions, {len(rows) - len(flown)} errors;"
-        f" {reached} reached the target. Processor time {np.mean(seconds):.1f} s a flight."
+        f" {reached} reached the target. Processor time {spent_s:.1f} s a flight."
     )
     lines = ["# Flights by sight", "", summary_line, ""]
     if flown:
@@ -79,7 +82,7 @@ def summary(rows: list[dict], seconds: list[float]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _sights(flown: list[dict]) -> list[str]:
+def _sights(flown: list[Row]) -> list[str]:
     sights = np.array([sight for row in flown for sight in row["sights"]]).reshape(-1, 3)
     false = sights[:, 2] > FALSE_M
     lines = [
@@ -101,13 +104,18 @@ def _sights(flown: list[dict]) -> list[str]:
 def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 without a collision, 1 after a collision or an error."""
     parser = argparse.ArgumentParser(prog="python -m tests.flights.perceive", description=__doc__)
-    parser.add_argument("--seeds", type=seeds_of, required=True, metavar="A:B")
-    parser.add_argument("--workers", type=int, default=1, metavar="N")
-    parser.add_argument("--out", type=Path, default=Path("perceive"), metavar="DIR")
+    add_arguments(parser, "perceive")
     options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
-    rows, seconds = fly_all(timed, options.seeds, options.workers, options.out)
-    text = summary(rows, seconds)
-    (options.out / "summary.md").write_text(text)
+    out = options.out
+    try:
+        rows = fly_all(
+            flown, options.seeds, out, workers=options.workers, scheduler=options.scheduler
+        )
+    except InputError as error:
+        sys.stderr.write(f"{parser.prog}: {error}\n")
+        return 2
+    write_table(rows, out)
+    text = summary(rows)
+    (out / "summary.md").write_text(text)
     sys.stdout.write(text)
     return int(any(row["verdict"] != "kept" for row in rows))

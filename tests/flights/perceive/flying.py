@@ -15,6 +15,7 @@ from tests.vehicles import named_vehicle
 from ..aircraft import STEP_S
 from ..lockstep import Lockstep
 from ..operator import INSPECTION
+from ..reasons import reason
 from .drawing import Draw, draw
 from .judging import clearance_m
 
@@ -25,10 +26,6 @@ REFUSED_S = 6.0
 """Longest time in `idle` after the order, or in a hold, before the flight is over."""
 OFFERED_S = 1.5
 """PX4 takes the mode once a stream has run for a second."""
-
-
-_STOPS = (", holding", ", denied", ", slowing", ", released", ", overridden")
-"""Ends of the texts that have the reason of a hold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,9 +115,7 @@ def _flown(flight: Lockstep) -> str:
             operator.mode("ours")
             offered_s = 0.0
         waited_s = 0.0 if flight.state in {"planning", "ready", "flying"} else waited_s + STEP_S
-    state = "on its way" if flight.state == "flying" else flight.state
-    reasons = [text for text in operator.texts() if text.endswith(_STOPS)]
-    return f"{state}: {reasons[-1] if reasons else 'nothing was said of it'}"
+    return reason(flight.state, operator.texts())
 
 
 def _true_m(drawn: Draw, truths: list[Truth]) -> np.ndarray:

@@ -159,6 +159,27 @@ def height_drift(flight, rng):
     return flight.each_step(drift)
 
 
+@kind("the heading that the autopilot estimates is 2 to 8 degrees off", lasts_s=(10.0, 40.0))
+def heading_false(flight, rng):
+    return _mislead(flight, rng, 2.0, 8.0)
+
+
+@kind(
+    "the heading that the autopilot estimates is 10 to 60 degrees off",
+    lasts_s=(5.0, 30.0),
+    breaks=Breaks.AIRCRAFT,
+)
+def heading_false_far(flight, rng):
+    return _mislead(flight, rng, 10.0, 60.0)
+
+
+def _mislead(flight, rng, low_deg, high_deg):
+    error_deg = rng.choice((-1.0, 1.0)) * rng.uniform(low_deg, high_deg)
+    within_s = rng.choice((0.02, 5.0))
+    flight.note(error_deg=error_deg, within_s=within_s)
+    return flight.ramp("heading_error_deg", 0.0, error_deg, within_s)
+
+
 # Battery ----------------------------------------------------------------------------------------
 
 
@@ -200,4 +221,4 @@ def motor_output_reported(flight, rng):
     def edit(message):
         setattr(message, f"servo{motor}_raw", value)
 
-    return flight.filter(packets.change({packets.SERVO_OUTPUT}, edit))
+    return flight.filter(packets.change({packets.SERVO_OUTPUT}, edit, flight.key))

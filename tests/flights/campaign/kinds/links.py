@@ -69,6 +69,16 @@ def radio_fades(flight, rng):
     return set_conditions(flight, radio_rssi=45.0 + rng.uniform(10.0, 80.0))
 
 
+@kind("packets take 50 to 300 ms, up to 200 ms more, and 5 to 30 % are lost, both ways")
+def link_slow_and_lossy(flight, rng):
+    return set_conditions(
+        flight,
+        link_delay_ms=rng.uniform(50.0, 300.0),
+        link_jitter_ms=rng.uniform(0.0, 200.0),
+        link_loss_percent=rng.uniform(5.0, 30.0),
+    )
+
+
 # Forged and late packets ------------------------------------------------------------------------
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...operator import EVACUATION, EXIT, INSPECTION, RELEASE, Manner
+from .. import packets
 from .table import kind, set_parameters
 
 # Pilot and operator -----------------------------------------------------------------------------
@@ -86,3 +87,39 @@ def orders_contradict(flight, rng):
 def released(flight, rng):
     flight.order(RELEASE)
     return lambda: flight.order(INSPECTION)
+
+
+# Releases that the operator answers with `continue`: each act of the fault ends, then he orders.
+
+
+@kind("the loop stands still until it releases; the operator orders `continue`", lasts_s=(0.6, 3.0))
+def stall_then_continue(flight, rng):
+    flight.stop_companion(killed=False)
+    return _then_continue(flight, rng, flight.wake_companion)
+
+
+@kind("no position until it releases; the operator orders `continue`", lasts_s=(1.0, 6.0))
+def silence_then_continue(flight, rng):
+    silent = packets.drop(packets.LOCAL_POSITION, packets.ODOMETRY)
+    return _then_continue(flight, rng, flight.filter(silent))
+
+
+@kind("the pilot takes the mode; the operator orders `continue`", lasts_s=(1.0, 6.0))
+def takeover_then_continue(flight, rng):
+    mode = rng.choice(("hold", "position"))
+    flight.note(mode=mode)
+    flight.autopilot.move_sticks()
+    flight.operator.mode(mode)
+    return _then_continue(flight, rng, lambda: None)
+
+
+def _then_continue(flight, rng, undo):
+    """The function that ends the fault; some seconds later the operator orders `continue`."""
+    after_s = rng.uniform(0.5, 12.0)
+    flight.note(continued_after_s=after_s)
+
+    def end():
+        undo()
+        flight.later(after_s, lambda: flight.pause_or_go_on("go_on"))
+
+    return end

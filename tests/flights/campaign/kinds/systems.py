@@ -29,7 +29,7 @@ def clock_restarts(flight, rng):
     ids = {
         packets.SYSTEM_TIME, packets.ATTITUDE, packets.LOCAL_POSITION, packets.GLOBAL_POSITION,
     }  # fmt: skip
-    return flight.filter(packets.change(ids, edit))
+    return flight.filter(packets.change(ids, edit, flight.key))
 
 
 @kind("motors are stopped by a forced disarming", breaks=Breaks.AIRCRAFT)

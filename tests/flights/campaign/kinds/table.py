@@ -9,6 +9,7 @@ import enum
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from ...operator import Manner
 
@@ -25,7 +26,10 @@ class Breaks(enum.Flag):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """One row of the table. begin: (flight, random numbers) -> function that ends it, or None."""
+    """One row of the table. begin: (flight, random numbers) -> function that ends it, or None.
+
+    prepare: (drawn flight, random numbers) -> the flight that the fault needs; None: any.
+    """
 
     name: str
     what: str
@@ -33,6 +37,7 @@ class Kind:
     lasts_s: tuple[float, float]
     breaks: Breaks
     manners: frozenset[Manner]
+    prepare: Callable[[Any, random.Random], Any] | None
 
 
 KINDS: dict[str, Kind] = {}
@@ -44,6 +49,7 @@ def kind(
     lasts_s: tuple[float, float] = (3.0, 20.0),
     breaks: Breaks = Breaks.NOTHING,
     manners: frozenset[Manner] = frozenset(Manner),
+    prepare: Callable[[Any, random.Random], Any] | None = None,
 ):
     """Add a function to the table, under its own name."""
 
@@ -55,6 +61,7 @@ def kind(
             lasts_s=lasts_s,
             breaks=breaks,
             manners=manners,
+            prepare=prepare,
         )
         return begin
 

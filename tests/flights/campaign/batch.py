@@ -1,0 +1,150 @@
+"""Many flights, each from a seed: flown by processes or a Dask cluster, kept row by row.
+
+DIR/flights.jsonl has a line for each flight, in the order of their ends: a run that is killed loses
+the flights under way alone, and the next one with the same DIR flies what is missing.
+DIR/flights.parquet has the same rows in the order of the seeds, from the end of a run on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import fcntl
+import functools
+import gc
+import hashlib
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import as_completed
+from pathlib import Path
+from typing import IO, Any
+
+from moar_companion.commands.outputs import replacing
+from moar_companion.commands.task_pool import task_pool
+from moar_companion.errors import InputError
+
+ROOT = Path(__file__).parents[3]
+CODE = ("moar_companion", "sitl", "configs", "tests/flights")
+"""Folders whose programs and settings a flight depends on."""
+ROWS = "flights.jsonl"
+TABLE = "flights.parquet"
+_FLIGHTS_OF_A_PROCESS = 100
+"""A process is replaced after so many: caches of sites and kernels grow."""
+Row = dict[str, Any]
+Files = dict[str, bytes]
+"""Content of files by their names."""
+Fly = Callable[[int], tuple[Row, Files]]
+
+
+@functools.cache
+def code() -> str:
+    """Name of the state of the code that flies here."""
+    digest = hashlib.sha256()
+    for folder in CODE:
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in {".py", ".yaml"}:
+                digest.update(f"{path.relative_to(ROOT)}\n".encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def seeds_of(text: str) -> range:
+    """`A:B`, B not included, or one seed."""
+    first, _, end = text.partition(":")
+    try:
+        return range(int(first), int(end) if end else int(first) + 1)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be A:B or A, whole numbers") from None
+
+
+def add_arguments(parser: argparse.ArgumentParser, out: str) -> None:
+    """Adds the seeds, the outputs and the processes that fly. out: default folder."""
+    parser.add_argument("--seeds", type=seeds_of, required=True, metavar="A:B")
+    parser.add_argument("--out", type=Path, default=Path(out), metavar="DIR")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
+    where.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask scheduler, whose workers, started in a checkout like this one, fly instead",
+    )
+
+
+def timed_row(fly: Fly, seed: int) -> tuple[Row, Files]:
+    """A seed's row with its processor seconds and the state of the code, and its files."""
+    began_s, files = time.process_time(), {}
+    gc.disable()  # a flight keeps nearly all that it makes: a fifth of its time is saved
+    try:
+        row, files = fly(seed)
+    except Exception as error:  # noqa: BLE001 - a flight that cannot be flown is a row, too
+        row = {"seed": seed, "verdict": "error", "error": f"{type(error).__name__}: {error}"}
+    finally:
+        gc.enable()
+        gc.collect()
+    spent_s = round(time.process_time() - began_s, 2)
+    return {**row, "code": code(), "cpu_s": spent_s}, files
+
+
+def fly_all(
+    fly: Fly, seeds: Sequence[int], out: Path, *, workers: int = 1, scheduler: str | None = None
+) -> list[Row]:
+    """Flies the seeds that the folder lacks; returns all of its rows, in the order of the seeds.
+
+    fly: a function of a module. Raises InputError where the folder has rows of other code, or is in
+    use by another run, or the scheduler does not answer.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / ROWS).open("a+b") as journal:
+        try:
+            fcntl.flock(journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError("--out", "", f"is {str(out)!r}, another run writes there") from None
+        rows = {row["seed"]: row for row in _kept(journal, out)}
+        missing = [seed for seed in seeds if seed not in rows]
+        for row, files in _flown(fly, missing, workers, scheduler):
+            for name, content in files.items():
+                (out / name).write_bytes(content)
+            journal.write(json.dumps(row).encode() + b"\n")
+            journal.flush()
+            rows[row["seed"]] = row
+            count = f"{len(rows)} of {len(set(seeds) | rows.keys())}"
+            sys.stderr.write(f"{row['seed']} {row['verdict']} {row['cpu_s']:.1f} s ({count})\n")
+    return [rows[seed] for seed in sorted(rows)]
+
+
+def _kept(journal: IO[bytes], out: Path) -> Iterator[Row]:
+    """The rows of earlier runs; a last one that is cut is removed."""
+    journal.seek(0)
+    whole = 0
+    for line in journal:
+        if not line.endswith(b"\n"):
+            break
+        row = json.loads(line)
+        if row["code"] != code():
+            allowed = "has flights of another state of the code, must be a new folder"
+            raise InputError("--out", "", f"is {str(out)!r}, {allowed}")
+        whole += len(line)
+        yield row
+    journal.truncate(whole)
+
+
+def _flown(
+    fly: Fly, seeds: Sequence[int], workers: int, scheduler: str | None
+) -> Iterator[tuple[Row, Files]]:
+    """Rows and files in the order of the flights' ends."""
+    part = len(seeds) if scheduler is not None else workers * _FLIGHTS_OF_A_PROCESS
+    for begin in range(0, len(seeds), max(part, 1)):
+        with task_pool(workers, scheduler) as pool:
+            flights = [pool.submit(timed_row, fly, seed) for seed in seeds[begin : begin + part]]
+            for future in as_completed(flights):
+                yield future.result()
+
+
+def write_table(rows: Sequence[Row], out: Path, schema: Any = None) -> None:
+    """Writes the rows as Parquet. schema: of pyarrow; None: as the rows are."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    with replacing(os.fspath(out / TABLE)) as stream:
+        parquet.write_table(pa.Table.from_pylist(rows, schema), stream, compression="zstd")
