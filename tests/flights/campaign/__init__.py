@@ -1,6 +1,10 @@
 """Random flights with faults, each from one seed, judged by the truth.
 
-    python -m tests.flights.campaign --seeds 1:101 --out DIR
+    python -m tests.flights.campaign --seeds 1:101 --workers 2 --out DIR
+    moar-companion evaluate campaign --seeds 1:101 --out DIR
+
+`command` describes the files of DIR, and how a run is continued; `kinds` has the faults. Three of
+four flights begin beside an aircraft in the air, and end after a landing; the others are whole.
 
 The promise, which no flight may break. At an instant a flight is within it when all of these have
 held for the last `AFTERMATH_S` seconds:
@@ -9,15 +13,20 @@ held for the last `AFTERMATH_S` seconds:
   of the margin's position error (1.4 m of PX4, 0.5 m of ArduPilot) and the accuracy that the
   autopilot reports (PX4: ESTIMATOR_STATUS, level and height; ArduPilot: the receiver's h_acc).
   k is 1 because plans and the gate keep exactly R free. A greater k would promise room that they
-  do not keep; a smaller one would leave kept room unjudged.
+  do not keep; a smaller one would leave kept room unjudged. The greatest distance of an obstacle
+  from its place in the companion's site file is added to the error of the estimate, also where a
+  lidar sees the obstacle.
 - Wind: at most what the aircraft holds, 0.8 times the wind at its greatest lean, and at most the
   supervisor's limit of 15 m/s; and the air's velocity changes by at most `GUST_MPS` within
   `GUST_S`. A harder gust moves the aircraft by more than the tracking margin before any setpoint
   can answer.
-- Aircraft: drag, motors and the autopilot's response to setpoints are as configured. The aircraft
-  is not disarmed, and its autopilot does not restart in the air.
+- Aircraft: drag, motors and the autopilot's response to setpoints are as configured, by its
+  parameters. Its heading is right to 8 degrees. The aircraft is not disarmed, and its autopilot
+  does not restart in the air.
 - Words: a packet with the autopilot's ids was sent by the autopilot, recently. Unsigned MAVLink
-  does not identify another sender.
+  does not identify another sender. On a signed link this part always holds.
+
+A lidar that errs is within the promise while the site file is right: what it sees adds obstacles.
 
 Judged on the truth, while the companion's setpoints command the aircraft, and for `LET_GO_S` after
 the end of the stream while the autopilot holds. Flight by a pilot, a return or a landing is not
@@ -26,7 +35,8 @@ judged:
 - collision: the hull (a ball of the vehicle's radius) touches no obstacle;
 - keep_out: the hull enters no keep-out of the site file.
 
-Judged on setpoints, while the packets are the autopilot's, in any wind and with any estimate:
+Judged on setpoints, while the packets are the autopilot's, in any wind and with any estimate, by
+the obstacles of the companion's site file:
 
 - step: from one setpoint to the next no more than the vehicle's greatest speed (and v_MIN more
   while it moves over to its path) takes it. A reset of the estimate takes it along by as much. So
@@ -44,10 +54,12 @@ Judged on setpoints, while the packets are the autopilot's, in any wind and with
 - silence: when the mode is taken, the stream ends within `SILENCE_S`, or `REPORTED_S` after the
   first message that reports it, if a bad link makes that later, or when the mode is stale. No
   setpoint comes later without a new order;
-- authority: nothing is armed or disarmed; without `engage` no mode is requested.
+- authority: nothing is armed or disarmed; without `engage` no mode is requested; no order by MQTT
+  is taken that is forged, repeated, late, cut, or of another vehicle.
 
 Outside the promise a violation is counted, with the parts of the promise that did not hold, and
-the faults of the flight.
+the faults of the flight. Not judged, but in each row: `reached`, if the goal of the first order was
+reached (a target, or the leg to a landing point), else `why`, the reason that operators were told.
 """
 
 ERROR_FACTOR = 1.0

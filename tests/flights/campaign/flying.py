@@ -361,7 +361,7 @@ class RandomFlight(Lockstep):
             self._later.remove(item)
             item[1]()
         before = len(self.setpoints)
-        self.blind = not self.truth.armed
+        self.blind = not (self.truths and self.truths[-1].armed)
         super().step()
         self._write_down(self.setpoints[before:])
 
@@ -532,7 +532,7 @@ class RandomFlight(Lockstep):
 
     def _is_over(self) -> bool:
         """True some time after a landing, unless the flight is flown whole."""
-        if self.truth.armed or self.drawn.whole:
+        if self.truths[-1].armed or self.drawn.whole:
             self._landed_s = self.now_s
         return self.now_s - self._landed_s > _LANDED_S
 
