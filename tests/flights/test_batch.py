@@ -116,6 +116,25 @@ def test_a_flight_that_fails_is_a_row(pool, tmp_path):
     assert timed_row(fly, 13)[1] == {}
 
 
+@pytest.mark.parametrize(
+    ("scheduler", "named"),
+    [("tcp://a:1", "--scheduler: is 'tcp://a:1', its scheduler and workers must run in a checkout"),
+     (None, "--workers: is 1, and a process ended: OSError: killed")],
+)  # fmt: skip
+def test_a_cluster_or_process_that_fails_is_one_line(pool, tmp_path, scheduler, named):
+    class Failing(Here):
+        def submit(self, *_):
+            future = Future()
+            future.set_exception(OSError("killed\nsecond line"))
+            return future
+
+    pool(Failing())
+    with pytest.raises(InputError) as error:
+        fly_all(fly, range(1, 4), tmp_path, scheduler=scheduler)
+    assert named in str(error.value)
+    assert "second" not in str(error.value)
+
+
 def test_the_scheduler_is_given_all_flights_at_once(pool, tmp_path, monkeypatch):
     monkeypatch.setattr(batch, "_FLIGHTS_OF_A_PROCESS", 1)
     cluster = pool(Here())

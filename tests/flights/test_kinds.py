@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import math
@@ -53,8 +54,16 @@ PLAIN = dict.fromkeys(Manner, "gusts")
 """A kind that prepares nothing: its flight serves all such kinds."""
 
 
+@functools.cache
+def with_lidar():
+    """A flight that the kinds of the lidar share: its decoder cannot be copied."""
+    return hovering.__wrapped__("lidar_loses", Manner.PX4)
+
+
 def flight_of(kind):
     row = KINDS[kind]
+    if kind.startswith("lidar_"):
+        return with_lidar()
     manner = Manner.PX4 if Manner.PX4 in row.manners else Manner.ARDUPILOT
     return hovering(kind if row.prepare else PLAIN[manner], manner)
 

@@ -142,3 +142,18 @@ def test_the_same_truths_give_the_same_packets():
         return [lidar.step(truth(n * 0.02)) for n in range(20)]
 
     assert flown() == flown()
+
+
+def test_another_scene_and_mount_are_shown_from_the_next_packet_on():
+    lidar = carrier(WALL)
+    before, _ = measured(lidar, truth)
+    empty = PlacedScene(
+        name="empty",
+        origin=ORIGIN,
+        azimuth_deg=AZIMUTH_DEG,
+        scene=LidarScene(ground_m=None, noise_m=0.0, dropout=0.0),
+    )
+    lidar.show(empty)
+    after, _ = measured(lidar, lambda time_s: truth(0.1 + time_s))
+    assert before.any()
+    assert not after.any()

@@ -67,7 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser, out: str) -> None:
     where.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="of a Dask scheduler, whose workers, started in a checkout like this one, fly instead",
+        help="of a Dask scheduler, whose workers fly instead; both run in a checkout like this "
+        "one, with PYTHONPATH=.",
     )
 
 
@@ -138,7 +139,20 @@ def _flown(
         with task_pool(workers, scheduler) as pool:
             flights = [pool.submit(timed_row, fly, seed) for seed in seeds[begin : begin + part]]
             for future in as_completed(flights):
-                yield future.result()
+                try:
+                    flight = future.result()
+                except Exception as error:  # noqa: BLE001 - not the flight's: that is a row
+                    reason = f"{type(error).__name__}: {error}".splitlines()[0]
+                    raise _failed(workers, scheduler, reason) from None
+                yield flight
+
+
+def _failed(workers: int, scheduler: str | None, reason: str) -> InputError:
+    """The error of the processes or the cluster that should fly."""
+    if scheduler is None:
+        return InputError("--workers", "", f"is {workers}, and a process ended: {reason}")
+    needed = "its scheduler and workers must run in a checkout like this one, with PYTHONPATH=."
+    return InputError("--scheduler", "", f"is {scheduler!r}, {needed}: {reason}")
 
 
 def write_table(rows: Sequence[Row], out: Path, schema: Any = None) -> None:

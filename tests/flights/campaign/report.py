@@ -62,8 +62,8 @@ def report(rows: list[Row], folder: Path) -> str:
             ),
             ReportSection(
                 title="Flights that broke the promise",
-                text=" ".join(_broken(rows)) or "None.",
-                tables=[],
+                text="Each with its violations within the promise, and its faults.",
+                tables=[_broken_table(rows)],
                 pictures=broken,
             ),
             ReportSection(
@@ -80,6 +80,11 @@ def report(rows: list[Row], folder: Path) -> str:
             ),
         ],
     )
+
+
+def _broken_table(rows: list[Row]) -> Table:
+    lines = tuple((line.removeprefix("- "),) for line in _broken(rows))
+    return Table(title="By seed", note="", header=("flight",), rows=lines or (("None.",),))
 
 
 def tables(rows: list[Row]) -> tuple[Table, Table, Table]:
