@@ -18,7 +18,7 @@ LASTS_S = 55.0
 """Duration of a flight, from its first order."""
 FAULTS_S = (2.0, 35.0)
 FROM_GROUND = 0.25
-"""Share of the flights that are flown whole."""
+"""Share of the flights that are flown whole, which costs 16 s of a flight more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
