@@ -179,6 +179,15 @@ def test_the_table_has_a_row_for_each_flight_and_the_violations_as_values(tmp_pa
     assert table["reached"].to_pylist() == [True, False, False, True, None]
 
 
+def test_a_table_without_a_schema_has_the_columns_of_all_rows(tmp_path):
+    from pyarrow import parquet
+
+    write_table([{"seed": 1, "error": "x"}, {"seed": 2, "sights": [[0.02, 9.0]]}], tmp_path)
+    table = parquet.read_table(tmp_path / TABLE)
+    assert table.column_names == ["seed", "error", "sights"]
+    assert table["sights"].to_pylist() == [None, [[0.02, 9.0]]]
+
+
 def test_the_columns_are_those_of_a_flown_row():
     import inspect
 

@@ -155,5 +155,7 @@ def write_table(rows: Sequence[Row], out: Path, schema: Any = None) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
+    names = dict.fromkeys(name for row in rows for name in row)  # a failed flight has few of them
+    table = pa.Table.from_pylist([{**names, **row} for row in rows], schema)
     with replacing(os.fspath(out / TABLE)) as stream:
-        parquet.write_table(pa.Table.from_pylist(rows, schema), stream, compression="zstd")
+        parquet.write_table(table, stream, compression="zstd")
