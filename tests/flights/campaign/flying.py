@@ -319,8 +319,9 @@ class RandomFlight(Lockstep):
 
     @property
     def commanded(self) -> bool:
-        """True while the companion flies the aircraft to or at a target."""
-        return self.state in {"flying", "at_target"} and self.operator.in_mode("ours")
+        """True while the companion flies the aircraft on a mission, or holds it there."""
+        flies = self.state in {"flying", "at_target", "holding"}
+        return flies and self.operator.in_mode("ours")
 
     def stop_companion(self, *, killed: bool) -> None:
         """Stop the companion; killed: its process has ended."""

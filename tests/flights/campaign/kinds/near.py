@@ -9,8 +9,8 @@ from .. import packets
 from ..sites import moved_conductors, narrow_site, shipped_site
 from .table import kind, set_conditions
 
-BETWEEN_M = (11.5, 18.5)
-"""x of the 315 kV line's free space between its circuits, less a hull and the margin."""
+BETWEEN_M = (10.5, 19.5)
+"""x between the 315 kV line's circuits, with the target at the far one."""
 NEAR_M = 4.5
 """Distance from the hull to an obstacle within which an aircraft is beside it."""
 DRIFTED_M = 4.0
