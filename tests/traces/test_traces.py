@@ -12,7 +12,7 @@ from tests.copies import copy_of
 from tests.flights.lockstep import hovering
 from tests.flights.operator import INSPECTION
 from tests.traces.command import FOLDER, main
-from tests.traces.flights import FLIGHTS
+from tests.traces.flights import FLIGHTS, KINDS, SEEDS, drawn
 from tests.traces.trace import CHANNELS, difference, trace_of
 
 
@@ -107,6 +107,12 @@ def test_each_flight_has_a_trace_and_all_are_small():
     files = {file.name.removesuffix(".json.xz"): file for file in FOLDER.iterdir()}
     assert set(files) == set(FLIGHTS)
     assert sum(file.stat().st_size for file in files.values()) < 200_000
+
+
+def test_the_random_flights_have_each_of_their_kinds_and_are_whole():
+    flights = [drawn(seed) for seed in SEEDS]
+    assert {fault.kind for each in flights for fault in each.faults} == set(KINDS)
+    assert all(each.whole and not each.lidar and not each.signed for each in flights)
 
 
 def test_an_unknown_flight_name_is_an_error(capsys):
