@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from .errors import InputError, LinkError
+from .text_format import printable
 
 PROGRAM = "moar-companion"
 _NO_MEMORY = (
@@ -207,9 +208,8 @@ def _lacks_memory(error: BaseException | None) -> bool:
 def report(message: str) -> None:
     """Writes one line on stderr, for any content of the message."""
     if sys.stderr is not None:
-        line = "".join(char if char.isprintable() else " " for char in message)
         with contextlib.suppress(OSError):
-            sys.stderr.write(f"{PROGRAM}: {line}\n")
+            sys.stderr.write(f"{PROGRAM}: {printable(message)}\n")
             sys.stderr.flush()
 
 

@@ -63,6 +63,15 @@ def _shortened(reason: str, room: int) -> str:
     return text[:room]
 
 
+def printable(text: str) -> str:
+    """External text on one line: control characters, which steer a terminal, become blanks.
+
+    What is no character, as in the name of a file, is shown by its number.
+    """
+    shown = text.encode(errors="backslashreplace").decode()
+    return "".join(char if char.isprintable() else " " for char in shown)
+
+
 def short_name(name: str, most: int = _NAME_CHARS) -> str:
     """Name of a target or an obstacle, cut to at most 16 characters to leave room for the rest."""
     most = min(most, _NAME_CHARS)

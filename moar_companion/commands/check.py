@@ -20,6 +20,7 @@ from ..config import CompanionConfig
 from ..errors import InputError, LinkError
 from ..service.mqtt_settings import SettingNames, read_broker, read_order_key
 from ..service.signing_clock import load_signing
+from ..text_format import printable
 from .options import add_file
 from .outputs import print_text
 from .service import add_config, link_problems, merged
@@ -222,8 +223,8 @@ def _report(heading: str, findings: list[Finding]) -> list[Finding]:
         for finding in findings:
             table.add_row(
                 Text(f"  {finding.level!s:{_LEVEL_WIDTH}}", style=_STYLES[finding.level]),
-                Text(finding.subject),
-                Text(finding.explanation),
+                Text(printable(finding.subject)),
+                Text(printable(finding.explanation)),
             )
         console.print(table)
     else:

@@ -10,7 +10,6 @@ import argparse
 import contextlib
 import math
 import re
-import sys
 import time
 from collections.abc import Mapping
 from types import SimpleNamespace
@@ -25,6 +24,7 @@ from ..mission_states import MissionState
 from ..types import Mission
 from .ground_station import COMPANION, GroundStation
 from .options import add_file, number, refused
+from .outputs import print_text
 
 _USER_1 = 31010
 _DO_PAUSE_CONTINUE = 193
@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     with contextlib.closing(GroundStation(address)) as operator:
         operator.find_companion(arguments.timeout)
         if order == _STATUS:
-            _print_line(_status(operator))
+            print_text(f"{_status(operator)}\n")
             return 0
         return _give(operator, order, index, arguments.timeout)
 
@@ -153,7 +153,7 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
     """Sends the order, prints the answer and, if refused, the reason; returns the exit status."""
     result, texts = _answer(operator, order, index, timeout_s)
     name = RESULT_NAMES.get(result, f"REFUSED, result {result}")
-    _print_line(f"{order}: {name}")
+    print_text(f"{order}: {name}\n")
     if result == CommandResult.ACCEPTED:
         return 0
     verdict = f", {name.lower().rpartition('_')[2]}"
@@ -161,11 +161,11 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
         return 1  # printed already: the first of several equal answers was lost
     for message in operator.listen(_REASON_S):
         if message.text is not None:
-            _print_line(message.text)
+            print_text(f"{message.text}\n")
             if message.text.endswith(verdict):
                 break
     else:
-        _print_line("(no reason was received)")
+        print_text("(no reason was received)\n")
     return 1
 
 
@@ -186,7 +186,7 @@ def _answer(
         for message in operator.listen(_REPEAT_S):
             if message.text is not None:
                 texts.append(message.text)
-                _print_line(message.text)
+                print_text(f"{message.text}\n")
             if not operator.is_answer(message, command):
                 continue
             result: int = message.fields["result"]
@@ -194,7 +194,7 @@ def _answer(
                 return result, texts
             until_s = time.monotonic() + timeout_s
             if not in_progress:
-                _print_line(f"{order}: {RESULT_NAMES[result]}")
+                print_text(f"{order}: {RESULT_NAMES[result]}\n")
             in_progress = True
     raise LinkError(f"{order}: the companion has not answered for {timeout_s:g} s")
 
@@ -252,8 +252,3 @@ def _values(names: Mapping[str, str], values: Mapping[str, float | None]) -> str
 def _value(value: float | None) -> str:
     """A value from the companion; MAVSDK reports one that is not finite as null."""
     return f"{value:.2f}" if value is not None and math.isfinite(value) else "unknown"
-
-
-def _print_line(line: str) -> None:
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
+from ..text_format import printable
 from .options import refused
 
 STDOUT = "-"
@@ -103,11 +104,14 @@ def write_output(
 
 
 def print_text(text: str) -> None:
-    """Writes text to stdout at once; an OSError names stdout, except BrokenPipeError."""
+    """Writes lines to stdout at once, without control characters in them.
+
+    An OSError names stdout, except BrokenPipeError.
+    """
     if sys.stdout is None:
         raise OSError("stdout is closed")
     try:
-        sys.stdout.write(text)
+        sys.stdout.write("\n".join(map(printable, text.split("\n"))))
         sys.stdout.flush()
     except BrokenPipeError:
         raise

@@ -23,6 +23,7 @@ from rich.live import Live
 from ..errors import LinkError
 from ..outlets.live_view import LiveView, line_of, silence_of
 from .options import file_name
+from .outputs import print_text
 
 _DEFAULT_SOCKET = "/run/moar-companion/view.sock"
 _LONGEST_LINE = 1_000_000
@@ -145,23 +146,18 @@ def _write_json(statuses: Statuses) -> NoReturn:
     """Writes a line for every status."""
     while True:
         for status in statuses.read():
-            _print_line(json.dumps(status))
+            print_text(f"{json.dumps(status)}\n")
 
 
 def _write_lines(statuses: Statuses) -> NoReturn:
     """Writes each `_LINE_PERIOD_S` the last status in short, or that the service is silent."""
     status, received_s = statuses.first(), time.monotonic()
     while True:
-        _print_line(silence_of(time.monotonic() - received_s) or line_of(status))
+        print_text(f"{silence_of(time.monotonic() - received_s) or line_of(status)}\n")
         due_s = time.monotonic() + _LINE_PERIOD_S
         while (left_s := due_s - time.monotonic()) > 0.0:
             if statuses.waiting(left_s) and (received := statuses.read()):
                 status, received_s = received[-1], time.monotonic()
-
-
-def _print_line(line: str) -> None:
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
 
 
 def _watch(statuses: Statuses, console: Console) -> None:

@@ -7,6 +7,7 @@ import re
 from typing import NamedTuple
 
 from ..text_format import TEXT_CHARS as CHUNK_BYTES
+from ..text_format import printable
 from .dialect import Message, create
 
 _MAX_BYTES = 1000
@@ -126,8 +127,7 @@ class ReceivedTexts:
 
     def rest(self) -> list[ReceivedText]:
         """Returns the received part of an incomplete text."""
-        shown = "".join(char if char.isprintable() else " " for char in "".join(self._chunks))
-        text = " ".join(shown.split())
+        text = " ".join(printable("".join(self._chunks)).split())
         self._chunks = []
         return [ReceivedText(severity=_severity_word(self._severity), text=text)] if text else []
 

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from ..mqtt.fleet import Row
 from ..mqtt.payloads import BatteryPayload, Conditions, Energy, MissionPayload, Risk
+from ..text_format import printable
 from .live_view import STATE_STYLES, risk_style
 
 _UNKNOWN = "?"
@@ -39,7 +40,7 @@ class FleetView:
         self._wall_s = wall_s
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        yield Text.assemble(("moar-companion", "bold"), f"   {_clean(self._head)}")
+        yield Text.assemble(("moar-companion", "bold"), f"   {printable(self._head)}")
         yield Rule(style="dim")
         table = Table(box=None, expand=True, pad_edge=False, header_style="cyan")
         table.add_column("vehicle", no_wrap=True, max_width=_NAME_WIDTH)
@@ -76,7 +77,7 @@ def _cells(row: Row, age_s: float | None) -> Iterator[Cell]:
     mission, risk = row.payloads.get("mission"), row.payloads.get("risk")
     battery, energy = row.payloads.get("battery"), row.payloads.get("energy")
     conditions = row.payloads.get("conditions")
-    yield _clean(row.vehicle), "bold" if row.online else "dim"
+    yield printable(row.vehicle), "bold" if row.online else "dim"
     yield _state(row, mission)
     yield _mode(mission)
     for name in _RISKS:
@@ -102,13 +103,13 @@ def _doing(mission: MissionPayload) -> str:
         words.append(mission.target)
     elif mission.target is not None:
         words.append(f"to {mission.target}")
-    return _clean(" ".join(filter(None, words)))
+    return printable(" ".join(filter(None, words)))
 
 
 def _mode(mission: MissionPayload | None) -> Cell:
     if mission is None or mission.mode is None:
         return _UNKNOWN, "magenta"
-    return _clean(mission.mode), "" if mission.armed else "dim"
+    return printable(mission.mode), "" if mission.armed else "dim"
 
 
 def _index(risk: Risk | None, name: str) -> Cell:
@@ -146,7 +147,7 @@ def _conditions(conditions: Conditions | None) -> Cell:
     reasons = "; ".join(item.reason for item in conditions.conditions)
     calm = conditions.action == "continue"
     action = "" if calm else f"{conditions.action}: "
-    return _clean(f"{action}{reasons}"), "" if calm else "yellow"
+    return printable(f"{action}{reasons}"), "" if calm else "yellow"
 
 
 def _age(age_s: float | None) -> Cell:
@@ -157,8 +158,3 @@ def _age(age_s: float | None) -> Cell:
         return f"{age_s:.1f} s", style
     hours, minutes = divmod(round(age_s / 60.0), 60)
     return (f"{hours} h {minutes} min" if hours else f"{minutes} min"), style
-
-
-def _clean(text: str) -> str:
-    """External text without control characters, which could move a terminal's cursor."""
-    return "".join(char if char.isprintable() else " " for char in text)

@@ -18,6 +18,8 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
+from ..text_format import printable
+
 _UNKNOWN = "unknown"
 _WIDE = 120
 """From this width the risks stand beside the rest, else below it."""
@@ -81,7 +83,7 @@ class LiveView:
             yield Group(state, Text(), risk, Text(), work)
         if self._notes:
             yield Rule(style="dim")
-            yield from (Text(_clean(note), no_wrap=True) for note in self._notes)
+            yield from (Text(printable(note), no_wrap=True) for note in self._notes)
 
 
 def silence_of(silent_s: float) -> str | None:
@@ -106,7 +108,7 @@ def line_of(status: Status) -> str:
         f"{name} {risk['value']:.2f}{'' if risk['known'] else ' (unknown)'}"
         for name, risk in status["risk"].items()
     )
-    return _clean(", ".join([*words, f"risks: {', '.join(risks)}"]))
+    return printable(", ".join([*words, f"risks: {', '.join(risks)}"]))
 
 
 def _head(status: Status, silence: str | None) -> Table:
@@ -118,8 +120,10 @@ def _head(status: Status, silence: str | None) -> Table:
     elif autopilot is None:
         words.append("   no autopilot is received", style="bold red")
     else:
-        words.append(f"   {_clean(autopilot['kind'])}, system {autopilot['system_id']}   ", "dim")
-        words.append(_clean(autopilot["mode"]), "bold green" if autopilot["ours"] else "bold")
+        words.append(
+            f"   {printable(autopilot['kind'])}, system {autopilot['system_id']}   ", "dim"
+        )
+        words.append(printable(autopilot["mode"]), "bold green" if autopilot["ours"] else "bold")
         words.append(", armed" if autopilot["armed"] else ", disarmed")
         if autopilot["failsafe"]:
             words.append("   FAILSAFE", "bold red")
@@ -140,7 +144,7 @@ def _mission(status: Status) -> Iterator[Row]:
         words.append(f" for {_duration(mission['for_s'])}")
     yield "mission", words
     if mission["text"] is not None:
-        last = Text(_clean(mission["text"]))
+        last = Text(printable(mission["text"]))
         last.append(f"   {_duration(mission['text_age_s'])} ago", "dim")
         yield "last text", last
 
@@ -205,7 +209,7 @@ def _inputs(index: Status) -> RenderableType:
         table.add_row(
             "",
             Text(f"{item['risk']:.2f}" if known else _UNKNOWN, "" if known else "magenta"),
-            _clean(item["name"]),
+            printable(item["name"]),
             item["reading"] if received else "",
             f"{_duration(item['age_s'])} ago" if received else "no data",
             style="" if item["name"] == index["worst"] else "dim",
@@ -231,7 +235,7 @@ def _bar(index: Status, width: int, *, decided_by: bool) -> Text:
     if not index["known"]:
         words.append("   unknown", "magenta")
     elif decided_by and worst is not None:
-        words.append(f"   {_clean(worst['name'])} {worst['reading']}", "dim")
+        words.append(f"   {printable(worst['name'])} {worst['reading']}", "dim")
         if worst["age_s"] > _SILENT_S and worst["unit"] != "s":
             words.append(f", {_duration(worst['age_s'])} ago", "dim")
     return words
@@ -260,7 +264,7 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     received_ago = [_age(name, age_s) for name, age_s in shown.items()]
     yield "data age, s", Columns(received_ago) if full else Text("  ").join(received_ago)
     if status["recorder"] is not None:
-        yield "record", Text(_clean(status["recorder"]))
+        yield "record", Text(printable(status["recorder"]))
 
 
 def _age(source: str, age_s: float | None) -> Text:
@@ -272,9 +276,9 @@ def _plan(plan: Status | None) -> Text:
     if plan is None:
         return Text("none yet", style="dim")
     words = Text(f"cost {plan['cost']['total']:.2f}, {plan['search_ms']:.1f} ms, ")
-    words.append(f"{_duration(plan['age_s'])} ago; reason: {_clean(plan['reason'])}")
+    words.append(f"{_duration(plan['age_s'])} ago; reason: {printable(plan['reason'])}")
     if plan["change"] is not None:
-        words.append(f"; {_clean(plan['change'])}")
+        words.append(f"; {printable(plan['change'])}")
     words.append(f"; {plan['paths']} paths, {plan['replans']} replans", "dim")
     return words
 
@@ -335,7 +339,7 @@ def _doing(mission: Status) -> str:
         words.append(f"of {mission['goal']}")
     elif mission["goal"] is not None:
         words.append(f"to landing point {mission['goal']}")
-    return _clean(" ".join(words))
+    return printable(" ".join(words))
 
 
 def _place(
@@ -371,8 +375,3 @@ def _clock(status: Status) -> str:
 
 def _of(section: Status | None, key: str) -> str:
     return _UNKNOWN if section is None else str(section[key])
-
-
-def _clean(text: str) -> str:
-    """External text without control characters, which could move a terminal's cursor."""
-    return "".join(char if char.isprintable() else " " for char in text)

@@ -16,6 +16,7 @@ from functools import partial
 
 from ..link_config import LinkConfig, LinkRole
 from ..telemetry import AutopilotStatus
+from ..text_format import printable
 from .background_writer import BackgroundWriter, Batches
 
 _MOST_BYTES = 256 * 1024
@@ -95,7 +96,8 @@ class _Lines:
     def write(self, text: str) -> None:
         if self._lost:
             text = f"WARNING {self._lost} lines are lost here: stderr did not take them\n{text}"
-        if self._writer.put(text.encode(errors="backslashreplace")):
+        shown = "\n".join(map(printable, text.split("\n")))
+        if self._writer.put(shown.encode(errors="backslashreplace")):
             self._lost = 0
         else:
             self._lost += 1

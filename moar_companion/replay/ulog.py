@@ -15,6 +15,7 @@ from ..mavlink.packet_count import SourceStatistics
 from ..mavlink.passive_listener import Input, ListenerEvent, TextReceived, type_in_words
 from ..mavlink.statustext import ReceivedText
 from ..telemetry import Telemetry
+from ..text_format import printable
 from ..types import AutopilotKind
 from .ulog_topics import ESTIMATOR, ESTIMATOR_SELECTOR, INPUT_OF, TOPICS, UlogSample, UlogTopic
 
@@ -39,7 +40,11 @@ def samples(
     def texts_by_time() -> Iterator[tuple[int, int, UlogSample]]:
         for number, (stamp_us, level, text) in enumerate(sorted(texts)):
             severity = _SEVERITIES[min(max(level, 0), len(_SEVERITIES) - 1)]
-            yield stamp_us, number, UlogSample(None, 0, ReceivedText(severity=severity, text=text))
+            yield (
+                stamp_us,
+                number,
+                UlogSample(None, 0, ReceivedText(severity=severity, text=printable(text))),
+            )
 
     sources = [rows(topic) for topic in topics if topic.name in TOPICS]
     for stamp_us, _, sample in heapq.merge(*sources, texts_by_time(), key=lambda item: item[:2]):

@@ -15,6 +15,7 @@ from rich.live import Live
 from moar_companion.commands.view import Statuses
 from moar_companion.errors import LinkError
 from moar_companion.outlets.live_view import LiveView
+from moar_companion.text_format import printable
 
 _RETRY_S = 0.5
 _NOTES = 3
@@ -23,7 +24,7 @@ _NOTES = 3
 
 def print_text(text: str) -> None:
     """A line of plain text."""
-    sys.stdout.write(f"{text}\n")
+    sys.stdout.write(f"{printable(text)}\n")
     sys.stdout.flush()
 
 
