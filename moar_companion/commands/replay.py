@@ -1,8 +1,7 @@
 """`moar-companion replay`: risk indices and events over a recorded flight.
 
 The recording is read whole, played by the code that flies, and shown as a summary, JSON and a
-picture. A recording that ends in the middle of a packet is played to its end. A ULog is read by
-pyulog, which comes with the extra `ulog`; the picture needs the extra `plots`.
+picture, which needs the extra `plots`. `recording_formats` reads it.
 """
 
 from __future__ import annotations
@@ -13,29 +12,22 @@ import gzip
 import io
 import math
 import os
-import tempfile
 import zlib
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from ..errors import InputError
+from ..text_format import printable
 from .options import add_file, file_name, refused, require
 from .outputs import STDOUT, check_outputs, print_text, write_output
 
 if TYPE_CHECKING:
-    from ..mavlink.dataflash import Row
     from ..outlets.replay_report import Replay
-    from ..replay.player import Player
     from ..replay.site_position import SitePosition
-    from ..replay.ulog_topics import UlogSample
     from ..risk.drag_fit import DragFlight
     from ..vehicle import Vehicle
 
 _GZIP = b"\x1f\x8b"
-_ULOG = b"ULog\x01\x12\x35"
-_ULOG_HEAD_BYTES = 16
-_ULOG_DEFINITIONS, _ULOG_DATA = b"BFIMPQ", b"ALCD"
-"""Kinds of messages of a ULog's two parts."""
 _MAX_BYTES = 512 << 20
 """Greatest size of a recording, unpacked: a day of telemetry has as much."""
 _PIECE_BYTES = 1 << 20
@@ -198,140 +190,28 @@ def played(
     site_position: SitePosition | None = None,
     drag: DragFlight | None = None,
 ) -> Replay:
-    """A recording, replayed; raises InputError for a file that is none."""
+    """A recording, replayed; raises InputError for a file that is none, or tells nothing."""
     from ..mavlink.dataflash import MAGIC as DATAFLASH  # noqa: PLC0415
-    from ..mavlink.passive_listener import PassiveListener  # noqa: PLC0415
-    from ..mavlink.tlog import Tlog  # noqa: PLC0415
-    from ..replay.player import Player  # noqa: PLC0415
+    from .recording_formats import (  # noqa: PLC0415
+        ULOG,
+        Flight,
+        dataflash_played,
+        mcap_played,
+        tlog_played,
+        ulog_played,
+    )
     from .replay_mcap import MAGIC  # noqa: PLC0415
 
-    name = os.fsencode(Path(path).name).decode(errors="replace")
+    name = printable(os.fsencode(Path(path).name).decode(errors="replace"))
+    flight = Flight(vehicle, site_position, drag)
     if _begins_with(path, MAGIC):
-        return _mcap_played(path, vehicle, site_position, drag).finish(name)
+        return mcap_played(path, flight).finish(name)
     data, whole = _content(path)
-    if data.startswith(_ULOG):
-        return _ulog_played(path, data, vehicle, site_position, drag).finish(name)
+    if data.startswith(ULOG):
+        return ulog_played(path, data, flight).finish(name)
     if data.startswith(DATAFLASH):
-        return _dataflash_played(path, data, vehicle, site_position, drag).finish(name)
-    tlog = Tlog(data)
-    if not tlog.recognised:
-        raise InputError(
-            path, "", "is no recording, must be a .tlog, .tlog.gz, .mcap, .bin or .ulg"
-        )
-    playback = Player(vehicle, PassiveListener(), site_position, drag=drag)
-    for record in tlog:
-        playback.feed(record.time_s, record.packet)
-    if tlog.cut_short:
-        playback.note("ends in the middle of a packet")
-    elif not whole:
-        playback.note("ends in the middle of the gzip file")
-    if tlog.bad_packets or tlog.skipped_bytes:
-        playback.note(
-            f"left out: broken packets {tlog.bad_packets}, stray bytes {tlog.skipped_bytes}"
-        )
-    return playback.finish(name)
-
-
-def _mcap_played(
-    path: str,
-    vehicle: Vehicle,
-    site_position: SitePosition | None,
-    drag: DragFlight | None,
-) -> Player[bytes]:
-    from ..mavlink.passive_listener import PassiveListener  # noqa: PLC0415
-    from ..replay.player import Player  # noqa: PLC0415
-    from .replay_mcap import McapRecording, packets  # noqa: PLC0415
-
-    recording = McapRecording(path)
-    playback = Player(vehicle, PassiveListener(), site_position, drag=drag)
-    for time_s, packet in packets(recording):
-        playback.feed(time_s, packet)
-    if recording.cut_short:
-        playback.note("was not closed")
-    return playback
-
-
-def _dataflash_played(
-    path: str,
-    data: bytes,
-    vehicle: Vehicle,
-    site_position: SitePosition | None,
-    drag: DragFlight | None,
-) -> Player[Row]:
-    from ..mavlink.dataflash import rows  # noqa: PLC0415
-    from ..replay.dataflash_listener import MESSAGES, DataflashListener  # noqa: PLC0415
-    from ..replay.player import Player  # noqa: PLC0415
-
-    playback = Player(vehicle, DataflashListener(), site_position, drag=drag)
-    # pymavlink reads files alone; the input may be packed
-    with tempfile.NamedTemporaryFile(suffix=".bin") as file:
-        file.write(data)
-        file.flush()
-        try:
-            for time_s, row in rows(file.name, MESSAGES):
-                playback.feed(time_s, row)
-        except Exception as error:  # any error of pymavlink on a broken file
-            raise InputError(path, "", f"is no sound .bin: {error}") from error
-    return playback
-
-
-def _ulog_played(
-    path: str,
-    data: bytes,
-    vehicle: Vehicle,
-    site_position: SitePosition | None,
-    drag: DragFlight | None,
-) -> Player[UlogSample]:
-    from ..replay.player import Player  # noqa: PLC0415
-    from ..replay.ulog import UlogListener, samples  # noqa: PLC0415
-    from ..replay.ulog_topics import TOPICS, UlogTopic  # noqa: PLC0415
-
-    require(path, "pyulog", "ulog")
-    from pyulog import ULog  # noqa: PLC0415
-
-    if not _defines_its_topics(data):
-        raise InputError(path, "", "is no sound ULog: its definitions are broken")
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its errors
-            log = ULog(io.BytesIO(data), list(TOPICS))
-    except Exception as error:  # any error of pyulog on a broken file
-        raise InputError(path, "", f"is no sound ULog: {error}") from error
-    playback = Player(vehicle, UlogListener(), site_position, drag=drag)
-    dated = [
-        item
-        for item in log.data_list
-        if "timestamp" in item.data and item.data["timestamp"].dtype.kind == "u"
-    ]
-    topics = [
-        UlogTopic(
-            name=item.name,
-            instance=item.multi_id,
-            columns={field: column.tolist() for field, column in item.data.items()},
-        )
-        for item in dated
-    ]
-    texts = [
-        (int(item.timestamp), item.log_level - ord("0"), item.message)
-        for item in log.logged_messages
-    ]
-    for time_s, sample in samples(topics, texts, int(log.start_timestamp)):
-        playback.feed(time_s, sample)
-    if log.file_corruption or len(dated) < len(log.data_list):
-        playback.note("parts of the log are broken, and left out")
-    return playback
-
-
-def _defines_its_topics(data: bytes) -> bool:
-    """Returns True if the definitions of a ULog lead to its data: else pyulog never returns."""
-    position = _ULOG_HEAD_BYTES
-    while position + 3 <= len(data):
-        size, kind = int.from_bytes(data[position : position + 2], "little"), data[position + 2]
-        if kind in _ULOG_DATA:
-            return True
-        if kind not in _ULOG_DEFINITIONS or not size:
-            return False
-        position += 3 + size
-    return False
+        return dataflash_played(path, data, flight).finish(name)
+    return tlog_played(path, data, flight, whole=whole).finish(name)
 
 
 def _begins_with(path: str, magic: bytes) -> bool:

@@ -17,18 +17,29 @@ Row = tuple[str, dict[str, Any]]
 
 
 def rows(path: str, names: Collection[str]) -> Iterator[tuple[float, Row]]:
-    """Yields messages of these names: seconds since boot, name and fields.
+    """Yields messages of these names: seconds of a clock of its own, name and fields.
 
-    Messages without a time in microseconds, of firmware before 2014, are left out. Raises any error
-    of pymavlink on a broken file. Output of pymavlink between two messages is dropped.
+    Firmware before 3.3 has milliseconds, and messages without a time: these have the time of the
+    last one before, or of the first. Raises any error of pymavlink on a broken file. Output of
+    pymavlink between two messages is dropped.
     """
     quiet = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
+    stamp_s, undated = 0.0, list[Row]()
     with quiet[0], quiet[1], contextlib.closing(_Log(path)) as log:
         while (message := log.recv_match(type=list(names))) is not None:
-            fields = message.to_dict()
-            stamp_us = fields.get("TimeUS")
-            if isinstance(stamp_us, int):
-                yield stamp_us * 1e-6, (message.get_type(), fields)
+            # 0: pymavlink knows no time of it
+            stamp_s = float(message._timestamp) or stamp_s  # noqa: SLF001
+            undated.append((message.get_type(), message.to_dict()))
+            if stamp_s:
+                yield from ((stamp_s, row) for row in undated)
+                undated.clear()
+    yield from ((stamp_s, row) for row in undated)
+
+
+def message_names(path: str) -> list[str]:
+    """Names of the messages that a log contains."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.closing(_Log(path)) as log:
+        return [name for name, number in log.name_to_id.items() if log.counts[number] > 0]
 
 
 class _Log(DFReader_binary):  # type: ignore[misc]

@@ -29,6 +29,8 @@ from .statustext import ReceivedText, ReceivedTexts
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_radio import RADIO_IDS
 
+GROUND_STATION = "ground_station"
+"""The input that is not of the aircraft."""
 _LINK = "recording"
 _ORDERS = frozenset({int(mavlink.MAV_CMD_USER_1), int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE)})
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
@@ -108,7 +110,7 @@ class PassiveListener:
         )
         self._listener = TelemetryReceiver()
         self._texts = {False: ReceivedTexts(), True: ReceivedTexts()}
-        self.inputs = {name: Input() for name in ("autopilot", "ground_station", *_INPUTS)}
+        self.inputs = {name: Input() for name in ("autopilot", GROUND_STATION, *_INPUTS)}
         """Count and last time of the messages of each telemetry source."""
         self.vehicle_type: str | None = None
         """Name of the MAV_TYPE of the autopilot's vehicle."""
@@ -158,7 +160,7 @@ class PassiveListener:
             self._count(_INPUT_OF[message_id], now_s)
         if message_id == _HEARTBEAT:
             if translate.is_ground_station(message):
-                self._count("ground_station", now_s)
+                self._count(GROUND_STATION, now_s)
             elif self._listener.is_autopilots(message, _LINK) and translate.autopilot_kind(message):
                 self._count("autopilot", now_s)
                 self.leans = message.type == mavlink.MAV_TYPE_GENERIC or is_multirotor(message.type)

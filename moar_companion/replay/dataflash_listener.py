@@ -1,13 +1,16 @@
 """ArduPilot's onboard log as a recording: messages to telemetry, as the companion has it. Pure.
 
-Names and fields are those of ArduPilot 4 (libraries/AP_Logger/LogStructure.h and its parts). Of
-several estimators the log names the one in use. What a log lacks stays unknown: the companion's
-link is not in it, and the log of a default ArduPilot begins when it is armed.
+Names and fields are those of ArduCopter 3.1 to 4 (libraries/AP_Logger/LogStructure.h and its
+parts, before 4 libraries/DataFlash). A second sensor or estimator core has a number in its
+messages, before 4 messages of its own (GPS2, NKF6). Of several estimators the log names the one in
+use. What a log lacks stays unknown: the companion's link, before 3.3 the estimated latitude and
+longitude; the log of a default ArduPilot begins when it is armed.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -39,6 +42,7 @@ from ..telemetry import (
     RemoteControl,
     Telemetry,
 )
+from ..text_format import printable
 from ..types import AutopilotKind, GeodeticPoint
 
 _ALIVE_S = 0.5
@@ -48,13 +52,23 @@ _GLITCH = 1 << 14
 """nav_filter_status: GPS glitching (AP_NavEKF/AP_Nav_Common.h); the first ten bits are those of
 EKF_STATUS_REPORT."""
 _WEEK_S = 604_800.0
-_FIRMWARES = {"ArduPlane": 1, "Rover": 10, "ArduSub": 12}
+_FIRMWARE = re.compile(r"(?:Ardu|APM:?)(plane|rover|sub)", re.IGNORECASE)
+_FIRMWARES = {"plane": 1, "rover": 10, "sub": 12}
 """MAV_TYPE by the name of the firmware; a copter's is by its frame."""
+_FRAME = "Frame: "
+_FRAME_NAMES = {"HEXA": 13, "Y6": 13, "OCTA": 14, "OCTA_QUAD": 14, "TRI": 15, "HELI": 4}
+"""Frame by the firmware's text to MAV_TYPE: before 3.5 the frame was no parameter."""
 _FRAMES = {1: 2, 2: 13, 3: 14, 4: 14, 5: 13, 6: 4, 7: 15, 12: 29}
 """FRAME_CLASS (AP_Motors_Class.h) to MAV_TYPE."""
 _QUADROTOR = 2
+_NUMBER = "number"
 _FAILSAFES = {5, 6, 8, 17}
 """Subsystems of ERR (LogErrorSubsystem): failsafe of radio, battery, ground station, estimator."""
+_ESTIMATORS = {"EKF": 1, "NKF": 2, "XKF": 3}
+"""AHRS_EKF_TYPE by the first letters of an estimator's messages."""
+_NUMBERS = ("I", "C", "Inst", "Instance")
+"""Fields with the number of a sensor or an estimator core."""
+_CAPACITY = re.compile(r"BATT(\d*)_CAPACITY")
 _EVENTS_ARMED = {10: True, 15: True, 11: False}
 _EVENTS_LANDED = {18: LandedState.ON_GROUND, 28: LandedState.IN_AIR}
 """LogEvent: armed, auto-armed, disarmed; landed, not landed."""
@@ -74,7 +88,9 @@ class DataflashListener:
         self._mode = 0
         self._armed = False
         self._failing: set[int] = set()
+        self._estimator: int | None = None
         self._core = 0
+        self._capacities_mah: dict[int, float] = {}
         self._accuracies: dict[int, dict[str, Any]] = {}
 
     def tick(self, now_s: float) -> None:
@@ -83,9 +99,12 @@ class DataflashListener:
     def handle(self, row: Row, now_s: float) -> list[ListenerEvent]:
         """Takes a message; returns the events in it."""
         name, fields = row
+        if name[:3] in _ESTIMATORS and self._estimator not in {None, _ESTIMATORS[name[:3]]}:
+            return []
+        number = next((fields[key] for key in _NUMBERS if key in fields), _TABLE[name][2])
         before = self.telemetry
         try:
-            events = _READERS[name](self, fields, now_s) or []
+            events = _TABLE[name][1](self, {**fields, _NUMBER: number}, now_s) or []
         except (KeyError, TypeError):  # fields of another version
             return []
         status = self.telemetry.autopilot
@@ -126,7 +145,7 @@ class DataflashListener:
 
     def read_mode(self, fields: dict[str, Any], now_s: float) -> list[ListenerEvent]:
         """Takes MODE."""
-        self._mode = int(fields["ModeNum"])
+        self._mode = int(fields["ModeNum" if "ModeNum" in fields else "Mode"])
         return self._note_status(now_s)
 
     def read_armed(self, fields: dict[str, Any], now_s: float) -> list[ListenerEvent]:
@@ -156,10 +175,12 @@ class DataflashListener:
 
     def read_text(self, fields: dict[str, Any], _now_s: float) -> list[ListenerEvent]:
         """Takes MSG."""
-        text = str(fields["Message"])
-        for firmware, vehicle_type in _FIRMWARES.items():
-            if text.startswith(firmware):
-                self._type = vehicle_type
+        text = printable(str(fields["Message"]))
+        firmware = _FIRMWARE.match(text)
+        if firmware is not None:
+            self._type = _FIRMWARES[firmware[1].lower()]
+        elif text.startswith(_FRAME):
+            self._type = _FRAME_NAMES.get(text.removeprefix(_FRAME).split("/")[0], self._type)
         return [TextReceived(ours=False, text=ReceivedText(severity="info", text=text))]
 
     def read_parameter(self, fields: dict[str, Any], _now_s: float) -> None:
@@ -167,6 +188,10 @@ class DataflashListener:
         name, value = fields["Name"], float(fields["Value"])
         if name == "FRAME_CLASS" and self._type == _QUADROTOR:
             self._type = _FRAMES.get(int(value), _QUADROTOR)
+        elif name == "AHRS_EKF_TYPE":
+            self._estimator = int(value) if value in _ESTIMATORS.values() else None
+        elif (battery := _CAPACITY.fullmatch(name)) is not None:
+            self._capacities_mah[int(battery[1] or 1) - 1] = value
         elif name == "MOT_PWM_MIN" and value > 0.0:
             self.telemetry = replace(self.telemetry, motor_min_us=value)
         elif name == "MOT_PWM_MAX" and value > 0.0:
@@ -186,11 +211,11 @@ class DataflashListener:
 
     def read_estimate(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes XKF1: position and velocity about the origin."""
-        if fields.get("C", 0) != self._core:
+        if fields[_NUMBER] != self._core:
             return
         local = LocalPosition(
             received_s=now_s,
-            boot_s=fields["TimeUS"] * 1e-6,
+            boot_s=fields["TimeUS"] * 1e-6 if "TimeUS" in fields else fields["TimeMS"] * 1e-3,
             position_ned_m=(fields["PN"], fields["PE"], fields["PD"]),
             velocity_ned_mps=(fields["VN"], fields["VE"], fields["VD"]),
         )
@@ -215,7 +240,7 @@ class DataflashListener:
 
     def read_wind(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes XKF2: the estimated wind; zero is no estimate."""
-        if fields.get("C", 0) == self._core:
+        if fields[_NUMBER] == self._core:
             wind = (fields["VWN"], fields["VWE"], 0.0)
             self.telemetry = with_wind(self.telemetry, now_s, wind, 0.0)
 
@@ -224,8 +249,11 @@ class DataflashListener:
     def read_health(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes XKF4: innovations as fractions of the accepted ones, and status."""
         self._core = max(0, int(fields.get("PI", 0)))
-        if fields.get("C", 0) != self._core:
+        if fields[_NUMBER] != self._core:
             return
+        compass = (
+            fields["SM"] if "SM" in fields else math.hypot(*(fields[f"SM{axis}"] for axis in "XYZ"))
+        )
         flags = int(fields["SS"])
         estimator = Estimator(
             received_s=now_s,
@@ -235,21 +263,21 @@ class DataflashListener:
             velocity_innovation=innovation(fields["SV"]),
             position_innovation=innovation(fields["SP"]),
             height_innovation=innovation(fields["SH"]),
-            compass_innovation=innovation(fields["SM"]),
+            compass_innovation=innovation(compass),
         )
         self.telemetry = replace(self.telemetry, estimator=estimator)
 
     def read_accuracy(self, fields: dict[str, Any], _now_s: float) -> None:
         """Takes GPA, which comes before its GPS."""
-        self._accuracies[fields.get("I", 0)] = fields
+        self._accuracies[fields[_NUMBER]] = fields
 
     def read_gnss(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes GPS."""
-        instance = fields.get("I", 0)
-        accuracy = self._accuracies.get(instance, {})
+        accuracy = self._accuracies.get(fields[_NUMBER], {})
+        week, week_ms = ("GWk", "GMS") if "GMS" in fields else ("Week", "TimeMS")
         gnss = Gnss(
             received_s=now_s,
-            receiver_s=_WEEK_S * fields["GWk"] + fields["GMS"] * 1e-3,
+            receiver_s=_WEEK_S * fields[week] + fields[week_ms] * 1e-3,
             fix_type=int(fields["Status"]),
             satellites=int(fields["NSats"]),
             hdop=fields["HDop"] or None,
@@ -257,35 +285,46 @@ class DataflashListener:
             horizontal_accuracy_m=accuracy.get("HAcc") or None,
             vertical_accuracy_m=accuracy.get("VAcc") or None,
         )
-        if instance == 0:
+        if fields[_NUMBER] == 0:
             self.telemetry = replace(self.telemetry, gnss=gnss)
-        elif instance == 1:
+        elif fields[_NUMBER] == 1:
             self.telemetry = replace(self.telemetry, second_gnss=gnss)
 
     def read_battery(self, fields: dict[str, Any], now_s: float) -> None:
-        """Takes BAT."""
-        percent, current_a = fields.get("RemPct"), fields["Curr"]
+        """Takes BAT, before 3.7 named CURR."""
+        number, current_a = int(fields[_NUMBER]), _units(fields["Curr"])
         battery = Battery(
             received_s=now_s,
-            remaining=None if percent is None or not 0 <= percent <= 100 else percent / 100.0,
-            voltage_v=fields["Volt"] or None,
+            remaining=self._remaining(number, fields),
+            voltage_v=_units(fields["Volt"]) or None,
             current_a=current_a if current_a >= 0.0 else None,
             charge_state=None,
         )
-        number = int(fields.get("Inst", fields.get("Instance", 0)))
         batteries = {**self.telemetry.batteries, number: battery}
         self.telemetry = replace(self.telemetry, batteries=batteries)
+
+    def _remaining(self, number: int, fields: dict[str, Any]) -> float | None:
+        """Fraction left: as logged, before 4.1 of the capacity, as ArduPilot reports it."""
+        if "RemPct" in fields:
+            percent = float(fields["RemPct"])
+            return percent / 100.0 if 0 <= percent <= 100 else None
+        used_mah, capacity_mah = float(fields["CurrTot"]), self._capacities_mah.get(number, 0.0)
+        if used_mah <= 0.0 or capacity_mah <= 0.0:  # 0: the current is not measured
+            return None
+        return max(0.0, 1.0 - used_mah / capacity_mah)
 
     def read_magnetometer(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes MAG, milligauss."""
         gauss = 1e-3 * math.hypot(fields["MagX"], fields["MagY"], fields["MagZ"])
-        if fields.get("I", 0) == 0 and gauss:
+        if fields[_NUMBER] == 0 and gauss:
             field = MagneticField(received_s=now_s, strength_gauss=gauss)
             self.telemetry = replace(self.telemetry, magnetic_field=field)
 
     def read_motors(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes RCOU."""
-        pulses = (fields[f"C{number}"] for number in range(1, 15))
+        prefix = next(prefix for prefix in ("C", "Ch", "Chan") if f"{prefix}1" in fields)
+        names = (f"{prefix}{number}" for number in range(1, 15))
+        pulses = (fields[name] for name in names if name in fields)
         self.telemetry = motor_outputs(self.telemetry, pulses, now_s)
 
     def read_remote_control(self, fields: dict[str, Any], now_s: float) -> None:
@@ -312,32 +351,41 @@ def _point(fields: dict[str, Any]) -> GeodeticPoint:
     )
 
 
+def _units(value: float) -> float:
+    """Volts or amperes: whole numbers are hundredths, as logged before 3.4."""
+    return value / 100.0 if isinstance(value, int) else value
+
+
 _Reader = Callable[[DataflashListener, dict[str, Any], float], list[ListenerEvent] | None]
-_TABLE: dict[str, tuple[str, _Reader]] = {
-    "MODE": ("autopilot", DataflashListener.read_mode),
-    "ARM": ("autopilot", DataflashListener.read_armed),
-    "EV": ("landed", DataflashListener.read_event),
-    "ERR": ("autopilot", DataflashListener.read_error),
-    "MSG": ("", DataflashListener.read_text),
-    "PARM": ("", DataflashListener.read_parameter),
-    "ATT": ("attitude", DataflashListener.read_attitude),
-    "XKF1": ("local_position", DataflashListener.read_estimate),
-    "NKF1": ("local_position", DataflashListener.read_estimate),
-    "POS": ("global_position", DataflashListener.read_position),
-    "ORGN": ("home", DataflashListener.read_origin),
-    "XKF2": ("wind", DataflashListener.read_wind),
-    "NKF2": ("wind", DataflashListener.read_wind),
-    "XKF4": ("estimator", DataflashListener.read_health),
-    "NKF4": ("estimator", DataflashListener.read_health),
-    "GPA": ("gps", DataflashListener.read_accuracy),
-    "GPS": ("gps", DataflashListener.read_gnss),
-    "BAT": ("battery", DataflashListener.read_battery),
-    "MAG": ("magnetometer", DataflashListener.read_magnetometer),
-    "RCOU": ("motors", DataflashListener.read_motors),
-    "RSSI": ("remote_control", DataflashListener.read_remote_control),
-    "RAD": ("radio", DataflashListener.read_radio),
+_READERS: tuple[tuple[str, _Reader, tuple[str, ...]], ...] = (
+    ("autopilot", DataflashListener.read_mode, ("MODE",)),
+    ("autopilot", DataflashListener.read_armed, ("ARM",)),
+    ("landed", DataflashListener.read_event, ("EV",)),
+    ("autopilot", DataflashListener.read_error, ("ERR",)),
+    ("", DataflashListener.read_text, ("MSG",)),
+    ("", DataflashListener.read_parameter, ("PARM",)),
+    ("attitude", DataflashListener.read_attitude, ("ATT",)),
+    ("local_position", DataflashListener.read_estimate, ("EKF1 NKF1 XKF1", "NKF6 XKF6")),
+    ("global_position", DataflashListener.read_position, ("POS",)),
+    ("home", DataflashListener.read_origin, ("ORGN",)),
+    ("wind", DataflashListener.read_wind, ("EKF2 NKF2 XKF2", "NKF7 XKF7")),
+    ("estimator", DataflashListener.read_health, ("EKF4 NKF4 XKF4", "NKF9 XKF9")),
+    ("gps", DataflashListener.read_accuracy, ("GPA", "GPA2")),
+    ("gps", DataflashListener.read_gnss, ("GPS", "GPS2")),
+    ("battery", DataflashListener.read_battery, ("BAT CURR", "BAT2 CUR2", "BAT3", "BAT4")),
+    ("magnetometer", DataflashListener.read_magnetometer, ("MAG",)),
+    ("motors", DataflashListener.read_motors, ("RCOU",)),
+    ("remote_control", DataflashListener.read_remote_control, ("RSSI",)),
+    ("radio", DataflashListener.read_radio, ("RAD",)),
+)
+"""Input, reader, and names of the messages; those of a second sensor or core after a comma."""
+_TABLE: dict[str, tuple[str, _Reader, int]] = {
+    name: (source, reader, number)
+    for source, reader, numbered in _READERS
+    for number, names in enumerate(numbered)
+    for name in names.split()
 }
-_READERS = {name: entry[1] for name, entry in _TABLE.items()}
+"""Input, reader, and the number of a message that has none, by name."""
 MESSAGES = frozenset(_TABLE)
 """Messages that the listener reads."""
 INPUT_OF = {name: entry[0] for name, entry in _TABLE.items()}

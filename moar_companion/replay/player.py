@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from ..mavlink.packet_count import SourceStatistics
-from ..mavlink.passive_listener import Input, ListenerEvent
+from ..mavlink.passive_listener import GROUND_STATION, Input, ListenerEvent
 from ..outlets.replay_report import Replay, ReplayMeasure, ReplaySample
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
@@ -88,6 +88,8 @@ class Player(Generic[Packet_contra]):
     ) -> None:
         self._vehicle = vehicle
         self._listener = listener
+        self.entries = 0
+        """Count of the packets, messages or samples that were played."""
         self._site_position = site_position
         self._drag = drag
         self._power = PowerModel.of(vehicle)
@@ -103,6 +105,7 @@ class Player(Generic[Packet_contra]):
 
     def feed(self, recorded_s: float, packet: Packet_contra) -> None:
         """Takes the next packet and its time of recording; never raises, for any content."""
+        self.entries += 1
         now_s, step = self._clock.read(recorded_s)
         self._assess_until(math.ceil(now_s / RISK_PERIOD_S - _ROUNDING))
         self._events.now_s = now_s
@@ -120,6 +123,12 @@ class Player(Generic[Packet_contra]):
         if after is not before:
             self._events.compare(before, after)
 
+    @property
+    def understood(self) -> bool:
+        """True if the recording tells anything of an aircraft."""
+        aircraft = (item for name, item in self._listener.inputs.items() if name != GROUND_STATION)
+        return self._listener.autopilot is not None or any(item.messages for item in aircraft)
+
     def note(self, text: str) -> None:
         """Adds an event of the recording itself, after its last packet."""
         self._assess_to_the_end()
@@ -130,7 +139,7 @@ class Player(Generic[Packet_contra]):
         self._assess_to_the_end()
         listener = self._listener
         if listener.autopilot is None:
-            self._events.report("recording", "no autopilot's heartbeat: nothing is known")
+            self._events.report("recording", "no heartbeat of an autopilot")
         return Replay(
             recording=recording,
             vehicle=self._vehicle.name,

@@ -123,6 +123,39 @@ def test_batteries_wind_field_motors_and_radios_are_as_their_messages():
     assert telemetry(("XKF2", {"VWN": 0.0, "VWE": 0.0})).wind is None
 
 
+def test_before_4_a_second_sensor_or_core_has_messages_of_its_own():
+    fix = {"Status": 3, "GMS": 500, "GWk": 2, "NSats": 12, "HDop": 0.8}
+    found = telemetry(("GPA2", {"HAcc": 0.3}), ("GPS2", fix))
+    assert (found.gnss, found.second_gnss.horizontal_accuracy_m) == (None, 0.3)
+    second = {name: value for name, value in HEALTH.items() if name != "C"} | {"PI": 1}
+    rows = [("NKF1", ESTIMATE), ("NKF6", {**ESTIMATE, "PN": 7.0})]
+    assert telemetry(*rows).local_position.position_ned_m[0] == 1.0
+    assert telemetry(("NKF4", second), *rows).local_position.position_ned_m[0] == 7.0
+
+
+def test_of_two_estimators_the_one_that_is_flown_with_counts():
+    rows = [("EKF1", {**ESTIMATE, "PN": 7.0}), ("NKF1", ESTIMATE)]
+    for kind, north_m in ((1, 7.0), (2, 1.0), (0, 1.0)):
+        chosen = ("PARM", {"Name": "AHRS_EKF_TYPE", "Value": float(kind)})
+        assert telemetry(chosen, *rows).local_position.position_ned_m[0] == north_m
+
+
+@pytest.mark.parametrize(
+    ("text", "vehicle_type"),
+    [
+        ("APM:Copter V3.3.3 (acf1e10c)", "quadrotor"),
+        ("ArduRover V4.6.3 (3fc7011a)", "ground rover"),
+        ("APM:Rover V3.0.1", "ground rover"),
+        ("ArduSub V4.1.0", "submarine"),
+        ("Frame: OCTA_QUAD", "octorotor"),
+        ("Frame: QUAD/X", "quadrotor"),
+    ],
+)
+def test_texts_of_the_start_name_the_vehicle(text, vehicle_type):
+    listener, _ = received(("MSG", {"Message": text}), GUIDED)
+    assert listener.vehicle_type == vehicle_type
+
+
 def test_messages_of_other_versions_are_left_out():
     assert telemetry(("BAT", {"Volts": 1}), ("GPS", {})) == DataflashListener().telemetry
 

@@ -320,9 +320,7 @@ def test_without_an_autopilot_all_values_are_unknown():
     tape.record(tape.ground.ground_heartbeat(), tape.companion.heartbeat())
     replay = tape.end()
     assert (replay.autopilot, replay.vehicle_type) == ("unknown", None)
-    assert events(replay, "recording") == [
-        ("recording", "no autopilot's heartbeat: nothing is known")
-    ]
+    assert events(replay, "recording") == [("recording", "no heartbeat of an autopilot")]
 
 
 def test_a_submarine_does_not_lean_against_the_wind():
