@@ -19,6 +19,8 @@ from moar_companion.site import Conductor, Obstacle, PlanePoint, Site
 
 _LEG_TOLERANCE_M = 2.0
 """Maximum distance from the landing leg, in wind, outside the workspace."""
+_WAVER_M = 1.0
+"""Distance by which an aircraft that comes in from outside may stray from it again."""
 _THERE_M = 3.0
 """Distance at a target or a landing point; PX4 deviates by 2.55 m from its setpoint."""
 _GROUND_M = 0.0
@@ -84,8 +86,8 @@ def judge(
     """Returns the objections about targets, landings, obstacles and the workspace.
 
     landing_legs_m: the planned legs out of the workspace, from their last cells to above their
-    landing points. The vertical line below each end is permitted, too; so is the climb from the
-    ground into a workspace that begins above it. landings_m: the landing points of each flight, of
+    landing points. The vertical line below each end is permitted, too. An aircraft that took off
+    outside the workspace may only come nearer. landings_m: the landing points of each flight, of
     which it may choose one.
     """
     faults: list[str] = []
@@ -93,24 +95,15 @@ def judge(
     space = site.workspace
     workspace = box(*space.lower_m, *space.upper_m)
     flown = [row for row in flight if not row.on_ground]
-    legs: list[LineString] = []
-    if flown and space.lower_m[1] > _GROUND_M:
-        x_m = flown[0].position_m[0]
-        legs.append(LineString([(x_m, _GROUND_M), (x_m, space.lower_m[1])]))
-    legs += [LineString([*leg_m, (leg_m[-1][0], _GROUND_M)]) for leg_m in landing_legs_m]
-    legs += _entry_legs(flight, workspace, landing_legs_m)
+    legs = [LineString([*leg_m, (leg_m[-1][0], _GROUND_M)]) for leg_m in landing_legs_m]
     least_m = math.inf
     for row in flown:
         place = Point(_place(row))
         least_m = min(least_m, *(shape.distance(place) for shape in obstacles), math.inf)
-        above_ground = Point(place.x, max(place.y, _GROUND_M))
-        outside = workspace.distance(above_ground) > 0.0 and not any(
-            leg.distance(above_ground) <= _LEG_TOLERANCE_M for leg in legs
-        )
-        if not faults and (outside or abs(row.position_m[1]) > _OFF_PLANE_M):
-            faults.append(
-                f"left the workspace at {row.time_s:.1f} s, x {place.x:.1f} m, z {place.y:.1f} m"
-            )
+    left = _left(flight, workspace, legs)
+    if left is not None:
+        x_m, z_m = _place(left)
+        faults.append(f"left the workspace at {left.time_s:.1f} s, x {x_m:.1f} m, z {z_m:.1f} m")
     if least_m <= radius_m:
         faults.append(f"touched an obstacle: {least_m:.2f} m from it, its radius is {radius_m} m")
     if not flown:
@@ -141,18 +134,24 @@ def _missed(
     return faults
 
 
-def _entry_legs(
-    flight: list[FlightTruth], workspace: BaseGeometry, landing_legs_m: list[list[PlanePoint]]
-) -> list[LineString]:
-    """From above each landing point straight to where the next flight entered the workspace."""
-    legs_back = []
-    for before, after in itertools.pairwise(_flights(flight)):
-        entry = next((_place(row) for row in after if workspace.covers(Point(_place(row)))), None)
-        if landing_legs_m and entry is not None:
-            landed_x_m, _ = _place(before[-1])
-            leg_m = min(landing_legs_m, key=lambda leg_m: abs(leg_m[-1][0] - landed_x_m))
-            legs_back.append(LineString([leg_m[-1], entry]))
-    return legs_back
+def _left(
+    flight: list[FlightTruth], workspace: BaseGeometry, legs: list[LineString]
+) -> FlightTruth | None:
+    """First place outside the workspace that is neither on a landing leg nor on the way in."""
+    within = workspace.buffer(-_WAVER_M)
+    allowed_m = math.inf  # from the workspace
+    for row in flight:
+        if row.on_ground:
+            allowed_m = math.inf
+            continue
+        x_m, z_m = _place(row)
+        place = Point(x_m, max(z_m, _GROUND_M))
+        away_m = workspace.distance(place)
+        on_leg = any(leg.distance(place) <= _LEG_TOLERANCE_M for leg in legs)
+        if (away_m > allowed_m and not on_leg) or abs(row.position_m[1]) > _OFF_PLANE_M:
+            return row
+        allowed_m = 0.0 if within.covers(place) else min(allowed_m, away_m + _WAVER_M)
+    return None
 
 
 def _flights(flight: list[FlightTruth]) -> list[list[FlightTruth]]:
