@@ -1,7 +1,7 @@
 """Preparation of the planner's kernels, by several processes where the cache lacks some.
 
-`python -m moar_companion.service.compiling` fills the cache and ends: for an installation. At its
-first start the service does the same in the background.
+`python -m moar_companion.service.compiling` fills the cache and ends: for an installation, and
+before a demonstration. At its first start the service does the same in the background.
 """
 
 from __future__ import annotations
@@ -29,12 +29,28 @@ Progress = Callable[[int, int], None]
 
 
 def make_ready(report: Progress, stopped: threading.Event) -> bool:
-    """Loads all kernels; other processes first compile those that are not in the cache.
+    """Fills the cache and loads all kernels; False when `stopped` was set before the end."""
+    if not fill_cache(report, stopped):
+        return False
+    for kernel in _kernels():
+        if stopped.is_set():
+            return False
+        # Kernels that could not be cached are compiled here.
+        _ = kernel.entry
+    return True
+
+
+def _kernels() -> list[Kernel]:
+    return [kernel for kernel in KERNELS if not kernel.is_helper]
+
+
+def fill_cache(report: Progress, stopped: threading.Event) -> bool:
+    """Compiles the kernels that are not in the cache, in other processes.
 
     report: called with the progress of a compilation. Returns False when `stopped` was set before
     the end.
     """
-    kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
+    kernels = _kernels()
     # Without a cache, kernels compiled by other processes are lost.
     missing = [kernel for kernel in kernels if kernel.has_cache and not kernel.is_cached]
     if missing:
@@ -44,11 +60,6 @@ def make_ready(report: Progress, stopped: threading.Event) -> bool:
                 report(len(kernels) - len(missing), len(kernels))
                 if stopped.wait(_PERIOD_S):
                     return False
-    for kernel in kernels:
-        if stopped.is_set():
-            return False
-        # Kernels that could not be cached are compiled here.
-        _ = kernel.entry
     return True
 
 
@@ -95,5 +106,18 @@ def _compilers(kernels: Sequence[Kernel]) -> Iterator[list[subprocess.Popen[byte
             process.wait()
 
 
+class _Lines:
+    """Progress of a compilation as lines on stdout, each count once."""
+
+    def __init__(self) -> None:
+        self._shown = -1
+
+    def __call__(self, count: int, of: int) -> None:
+        if count != self._shown:
+            self._shown = count
+            sys.stdout.write(f"compiling the planner, once: {count} of {of}\n")
+            sys.stdout.flush()
+
+
 if __name__ == "__main__":
-    make_ready(lambda _count, _of: None, threading.Event())
+    fill_cache(_Lines(), threading.Event())

@@ -9,10 +9,12 @@ nothing, and left the workspace by its landing legs alone.
 from __future__ import annotations
 
 import contextlib
+import subprocess
 import sys
 import tempfile
 import webbrowser
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import yaml
@@ -34,6 +36,7 @@ from .judge import judge, read_truth
 from .manners import MANNERS
 from .mqtt_reader import MqttReader
 from .operator import Operator, OperatorError
+from .pace import kept_speed
 from .perceive import ADDED, GIVEN, Perceiving, Sightings, prepare
 from .processes import Process, free_ports, running
 from .real import RealError, RealOptions, numbers_of, running_real
@@ -47,6 +50,8 @@ _VEHICLE_FILE = "vehicle.yaml"
 """Its name in the flight's folder."""
 _ABOVE_M = 0.5
 """Least distance of the take-off's end above the least height."""
+_PLANNER_READY = "planner ready"
+"""In the service's log."""
 _PERCEIVED = "perceived.png"
 _MQTT_VEHICLE = "demonstration"
 
@@ -75,7 +80,8 @@ def main(arguments: list[str] | None = None) -> int:
         if settings.links_latest:
             link_latest(settings.out)
         try:
-            problem = _fly(settings, site, perceiving)
+            _compile()
+            problem = _fly(_paced(settings), site, perceiving)
         except KeyboardInterrupt:
             problem = "stopped by the user"
         return _report(settings, site, vehicle, problem)
@@ -154,9 +160,10 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
         stack.callback(operator.close)
         speed = str(settings.speed)
         autopilot = _autopilot(settings, site, perceiving, companion_port, operator_port)
+        log = settings.out / "companion.log"
         companion = running(
             "companion",
-            settings.out / "companion.log",
+            log,
             "sitl.demonstration.companion",
             *("--config", str(config), "--speed", speed),
         )
@@ -171,6 +178,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             dwells_s=tuple(target.dwell_s for target in site.targets),
             landings=_landings(site, settings.landing, vehicle),
             battery_falls=_battery_falls(settings.scenario),
+            planner_ready=lambda: _PLANNER_READY in log.read_text(encoding="utf-8"),
             print_text=screen.print_text,
         )
         try:
@@ -180,6 +188,20 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             hint = f"; is --speed {settings.speed:g} too much for this machine?" if fast else ""
             return f"{error}{hint}"
     return None
+
+
+def _compile() -> None:
+    """Compile the planner where it is not yet: a flight's clock does not wait for it."""
+    subprocess.run([sys.executable, "-m", "moar_companion.service.compiling"], check=False)
+
+
+def _paced(settings: Settings) -> Settings:
+    """The settings, with a speed that this machine keeps."""
+    speed = round(kept_speed(settings.speed), 1)
+    if speed < settings.speed:
+        print_text(f"this machine does not keep --speed {settings.speed:g} now: {speed:g}")
+        return replace(settings, speed=speed)
+    return settings
 
 
 @contextlib.contextmanager

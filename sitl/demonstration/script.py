@@ -27,6 +27,8 @@ _STREAM_FIRST_S: Final = 1.5
 """PX4 accepts OFFBOARD once a stream has run for a second."""
 _START_S: Final = 30.0
 """Time within which both processes are received; real seconds, as they do not start faster."""
+_PLANNER_S: Final = 600.0
+"""Longest compilation of the planner, where no cache may be written; real seconds."""
 _LONGEST_TO_TARGET_S: Final = 300.0
 _LONGEST_HOLD_S: Final = 60.0
 _LONGEST_EXIT_S: Final = 300.0
@@ -65,6 +67,7 @@ class Script:
     dwells_s: tuple[float, ...]
     landings: tuple[LandingPoint, ...]
     battery_falls: bool
+    planner_ready: Callable[[], bool]
     print_text: Callable[[str], None]
 
     def fly(self) -> None:
@@ -93,7 +96,7 @@ class Script:
         self._wait_for("the companion", lambda: operator.companion_received, start_s)
         ready_s = max(start_s, self.manner.ready_timeout_s)
         self._wait_for("ready to arm", lambda: operator.ready_to_arm, ready_s)
-        operator.wait_compiled()
+        self._wait_for("the planner", self.planner_ready, _PLANNER_S * self.speed)
 
     def _take_off(self, height_m: float) -> None:
         operator = self.operator

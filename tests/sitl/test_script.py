@@ -65,6 +65,7 @@ def flown(site, manner, wanted):
         dwells_s=tuple(target.dwell_s for target in site.targets),
         landings=demonstration._landings(site, wanted, flight.vehicle),
         battery_falls=False,
+        planner_ready=lambda: True,
         print_text=[].append,
     )
     script.fly()
@@ -101,6 +102,7 @@ def test_the_aircraft_is_turned_after_the_take_off():
         dwells_s=(),
         landings=(),
         battery_falls=False,
+        planner_ready=lambda: True,
         print_text=[].append,
     )
     script._start()
@@ -108,6 +110,27 @@ def test_the_aircraft_is_turned_after_the_take_off():
     script._turn(-60.0)
     assert math.degrees(flight.truths[-1].attitude_rad[2]) == pytest.approx(-60.0, abs=4.0)
     assert abs(flight.truths[-1].position_ned_m[2]) == pytest.approx(5.0, abs=0.8)
+
+
+@pytest.mark.slow
+def test_nothing_is_armed_before_the_planner_is_ready():
+    flight = Lockstep(site="315kv_double_circuit", vehicle="x500", manner=Manner.PX4)
+    ready_s = flight.now_s + 20.0
+    script = Script(
+        operator=Pilot(flight),
+        manner=MANNERS["px4"],
+        processes=(),
+        speed=1.0,
+        height_m=5.0,
+        dwells_s=(),
+        landings=(),
+        battery_falls=False,
+        planner_ready=lambda: flight.now_s >= ready_s,
+        print_text=[].append,
+    )
+    script._start()
+    assert flight.now_s >= ready_s
+    assert not flight.truths[-1].armed
 
 
 def test_ardupilot_is_turned_by_a_command_of_its_own():
