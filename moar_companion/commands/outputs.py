@@ -103,6 +103,18 @@ def write_output(
     return None
 
 
+def report_compiling() -> None:
+    """Shows on a terminal's stderr each kernel that is compiled: once on each computer."""
+    from ..planner.jit import Kernel  # noqa: PLC0415
+
+    def report(name: str) -> None:
+        if sys.stderr is not None and sys.stderr.isatty():
+            sys.stderr.write(f"compiling, once on this computer: {name}\n")
+            sys.stderr.flush()
+
+    Kernel.on_compile = report
+
+
 def print_text(text: str) -> None:
     """Writes lines to stdout at once, without control characters in them.
 

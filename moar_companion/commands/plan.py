@@ -20,7 +20,7 @@ from ..adaptation import Adaptation, AdaptationKind
 from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
 from .options import add_file, file_name, numbers, refused, require, risk_indices
-from .outputs import STDOUT, check_outputs, print_text, write_output
+from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
 from .plan_summary import summary
 
 if TYPE_CHECKING:
@@ -139,12 +139,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Plans, writes the outputs, prints the summary."""
     from ..config import Supervision, default_vehicle  # noqa: PLC0415
-    from ..error_margin import flown_site  # noqa: PLC0415
-    from ..planner.analysis.alternatives import alternatives  # noqa: PLC0415
+    from ..error_margin import flown_site, margin_of  # noqa: PLC0415
+    from ..planner.analysis.alternatives import alternatives, unmoved_words  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
+    report_compiling()
     vehicle_file = arguments.vehicle or str(default_vehicle())
     site = Site.load(arguments.site)
     vehicle = Vehicle.load(vehicle_file)
@@ -176,7 +177,13 @@ def run(arguments: argparse.Namespace) -> int:
     explanation = _explained(planner, plan, adaptation) if arguments.explain else {}
 
     others = alternatives(planner, plan.request, adaptation) if arguments.alternatives else ()
+    unmoved = unmoved_words(planner, plan, others)
     refined = planner.refine(plan) if arguments.refine and not plan.reason else None
+    margin_m = margin_of(vehicle, Supervision()).total_m
+    notes = {"margin": _margin_words(margin_m, flown=arguments.as_flown)}
+    left = len(site.targets) - 1
+    if mission is Mission.INSPECTION and target is None and left > 0:
+        notes["targets"] = f"the first alone; `command inspection` flies {left} more in turn"
     document = _document(plan, explanation, others)
     if arguments.refine:
         document["refined"] = None if refined is None else refined.to_dict()
@@ -193,6 +200,7 @@ def run(arguments: argparse.Namespace) -> int:
             formats["--plot"],
             alternatives=others,
             refined=refined,
+            unmoved=unmoved,
         )
 
     def draw_trade_off(stream: IO[bytes]) -> None:
@@ -214,13 +222,20 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json == STDOUT:
         print_text(_text(document))
     else:
-        print_text(summary(plan, refined, explanation, others))
+        print_text(summary(plan, notes, refined, explanation, others, unmoved))
     problems = [failure for failure in failures if failure]
     if problems:
         raise OSError("; ".join(problems))
     if plan.reason:
         raise InputError("no plan", plan.status.value, _whole_reason(planner, plan))
     return 0
+
+
+def _margin_words(margin_m: float, *, flown: bool) -> str:
+    """The margin for the flight's errors that a plan keeps."""
+    if flown:
+        return f"{margin_m:g} m for the flight's errors, as the service keeps"
+    return f"none; the service keeps {margin_m:g} m more from obstacles (--as-flown)"
 
 
 def _whole_reason(planner: Planner, plan: Plan) -> str:

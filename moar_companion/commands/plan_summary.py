@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..types import Mission
@@ -14,20 +14,29 @@ if TYPE_CHECKING:
 
 
 def summary(
-    plan: Plan, refined: Refinement | None, explanation: dict[str, Any], others: Sequence[Plan]
+    plan: Plan,
+    notes: Mapping[str, str],
+    refined: Refinement | None,
+    explanation: dict[str, Any],
+    others: Sequence[Plan],
+    unmoved: str,
 ) -> str:
-    """The plan in a few lines; refined path, explanation and other plans where there are any."""
+    """The plan in a few lines; refined path, explanation and other plans where there are any.
+
+    notes: lines with their labels. unmoved: of the risks that do not move the path.
+    """
     return "".join(
         [
-            _plan_lines(plan),
+            _plan_lines(plan, notes),
             _refined_lines(refined),
             _explanation_lines(explanation),
             _alternative_lines(plan, others),
+            f"  {'':9}  {unmoved}\n" if unmoved else "",
         ]
     )
 
 
-def _plan_lines(plan: Plan) -> str:
+def _plan_lines(plan: Plan, notes: Mapping[str, str]) -> str:
     target = "" if plan.request.target is None else f" of {plan.request.target}"
     if plan.mission is not Mission.INSPECTION and target:
         target = f" to landing point {plan.request.target}"
@@ -44,12 +53,20 @@ def _plan_lines(plan: Plan) -> str:
             f"{len(plan.waypoints.time_s)} waypoints, "
             f"velocity change {metrics.velocity_change_mps:.1f} m/s"
         )
+        leg = plan.landing_leg
+        if leg is not None:
+            leg_s = metrics.duration_s - cost.time
+            lines.append(
+                f"  {'':9}  of these the landing leg, not in the cost: "
+                f"{leg.length_m:.1f} m in {leg_s:.1f} s"
+            )
         lines.append(
             "  clearance  no obstacles"
             if math.isinf(metrics.min_clearance_m)
             else f"  clearance  {metrics.mean_clearance_m:.2f} m on average, "
             f"{metrics.min_clearance_m:.2f} m at least"
         )
+    lines += [f"  {label:9}  {words}" for label, words in notes.items()]
     lines.append(
         f"  weights    safety {weights.safety:.3f}, time {weights.time:.3f}, "
         f"energy {weights.energy:.3f}"
@@ -88,7 +105,7 @@ def _explanation_lines(explanation: dict[str, Any]) -> str:
 
 def _alternative_lines(plan: Plan, others: Sequence[Plan]) -> str:
     """The plans under other risks in lines of the summary."""
-    from ..planner.analysis.alternatives import risk_words, same_path  # noqa: PLC0415
+    from ..planner.analysis.alternatives import risk_words, safety_words, same_path  # noqa: PLC0415
 
     lines: list[str] = []
     for other in others:
@@ -96,8 +113,7 @@ def _alternative_lines(plan: Plan, others: Sequence[Plan]) -> str:
         figures = other.status.value
         if metrics is not None:
             figures = f"{metrics.length_m:.1f} m in {metrics.duration_s:.1f} s"
-            if math.isfinite(metrics.mean_clearance_m):
-                figures += f", clearance {metrics.mean_clearance_m:.2f} m on average"
+            figures += f", {safety_words(other)}"
             figures += ", the same path" if same_path(plan, other) else ""
         lines.append(f"  {'' if lines else 'others':9}  {words}: {figures}\n")
     return "".join(lines)

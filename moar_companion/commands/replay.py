@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING
 from ..errors import InputError
 from ..text_format import printable
 from .options import add_file, file_name, refused, require
-from .outputs import STDOUT, check_outputs, print_text, write_output
+from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
 
 if TYPE_CHECKING:
     from ..outlets.replay_report import Replay
@@ -72,6 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..config import shipped_configs  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
+    report_compiling()
     vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
     _check_outputs(arguments, vehicle_file)
     if arguments.plot is not None:

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .options import add_file, file_name, number, numbers, refused, require
-from .outputs import check_outputs, print_text, write_output
+from .outputs import check_outputs, print_text, report_compiling, write_output
 
 if TYPE_CHECKING:
     from ..planner.plan_values import Plan
@@ -80,6 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs one action."""
+    report_compiling()
     actions: dict[str, Callable[[argparse.Namespace], int]] = {
         "from-cloud": _from_cloud,
         "from-map": _from_map,

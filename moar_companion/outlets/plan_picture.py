@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from os import PathLike
 from typing import IO, TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..errors import InputError
-from ..planner.analysis.alternatives import risk_words, same_path
+from ..planner.analysis.alternatives import risk_words, safety_words, same_path
 from ..planner.maps import Maps
 from ..planner.plan_values import Plan
 from ..planner.regions import GoalRegion, goal_region
@@ -54,14 +56,15 @@ def draw_plan(
     *,
     alternatives: Sequence[Plan] = (),
     refined: Refinement | None = None,
+    unmoved: str = "",
 ) -> None:
     """Draw a plan, also one that was not found, into a file (png, svg or pdf).
 
     alternatives: of the same problem under other risks, drawn as thin lines. refined: the refined
-    path.
+    path. unmoved: a line on the risks that do not move the path.
     """
     with page_style():
-        page = _draw_page(plan, site, vehicle, maps, alternatives, refined)
+        page = _draw_page(plan, site, vehicle, maps, alternatives, refined, unmoved)
         page.figure.savefig(file, format=file_format, dpi=DPI)
 
 
@@ -72,6 +75,7 @@ def _draw_page(
     maps: Maps,
     alternatives: Sequence[Plan],
     refined: Refinement | None,
+    unmoved: str,
 ) -> Page:
     mission, target = plan.mission, plan.request.target
     start_m, velocity_mps = _pair(plan.request.start_m), _pair(plan.request.velocity_mps)
@@ -85,7 +89,7 @@ def _draw_page(
     bars = 1 if plan.cost is None else 2
     whole_width_in = _PLANE_WIDTH + bars * COLOUR_BAR_IN
     others = _grouped(plan, [other for other in alternatives if len(other.states)])
-    others_in = _ALTERNATIVE * len(others) + (_BELOW_NAMES if others else 0.0)
+    others_in = _ALTERNATIVE * (len(others) + bool(unmoved)) + (_BELOW_NAMES if others else 0.0)
     below_in = _BELOW_PLANE + _LEGEND + others_in + _SUMMARY
     page = Page(_LEFT + whole_width_in + _RIGHT, _TITLE + height_in + below_in)
 
@@ -103,13 +107,14 @@ def _draw_page(
         draw_refined(plane, refined)
     draw_start(plane, start_m, velocity_mps)
     draw_colour_bars(plane, colours)
-    place_labels(plane, plan.waypoints.position_m)
+    drawn = [plan, *(other for other, _ in others)]
+    place_labels(plane, np.concatenate([each.waypoints.position_m for each in drawn]))
     legend_in = _SUMMARY + others_in
     _draw_legend(page.panel(_LEFT, legend_in, whole_width_in, _LEGEND - 0.1), plane)
     if others:
-        _draw_names(page.panel(_LEFT, _SUMMARY, whole_width_in, others_in), thin, others)
+        _draw_names(page.panel(_LEFT, _SUMMARY, whole_width_in, others_in), thin, others, unmoved)
     _draw_summary(page.panel(_LEFT, 0.12, whole_width_in, _SUMMARY - 0.22), plan, whole_width_in)
-    _draw_title(page, plan)
+    _draw_title(page, plan, site)
     return page
 
 
@@ -140,21 +145,29 @@ def _grouped(plan: Plan, alternatives: Sequence[Plan]) -> list[tuple[Plan, list[
     return groups
 
 
-def _draw_names(axes: Any, lines: list[Any], others: list[tuple[Plan, list[str]]]) -> None:
-    """Draw the legend of paths and their risks, in axes of its own."""
+def _draw_names(
+    axes: Any, lines: list[Any], others: list[tuple[Plan, list[str]]], unmoved: str
+) -> None:
+    """Draw the legend of paths, their safety and their risks, in axes of its own."""
     axes.set_axis_off()
     bold = axes.plot([], [], color=INK, linewidth=4.0)
     axes.legend(
         [*bold, *lines],
-        ["with " + "; ".join(names) if names else "as planned" for _, names in others],
-        loc="center left",
-        bbox_to_anchor=(0.0, 0.5),
+        [_name(plan, names) for plan, names in others],
+        loc="upper left",
+        bbox_to_anchor=(0.0, 1.0),
         frameon=False,
         fontsize=8.5,
         borderaxespad=0.0,
         borderpad=0.0,
         handlelength=1.8,
     )
+    axes.text(0.0, 0.08, unmoved, transform=axes.transAxes, fontsize=8.5, va="bottom")
+
+
+def _name(plan: Plan, names: list[str]) -> str:
+    risks = "with " + "; ".join(names) if names else "as planned"
+    return f"{risks}: {safety_words(plan)}"
 
 
 def _draw_legend(axes: Any, plane: Any) -> None:
@@ -219,7 +232,10 @@ def _summary_columns(plan: Plan) -> list[tuple[str, float, _Rows]]:
         ]
         trajectory: _Rows = [
             ("length", f"{metrics.length_m:.1f} m"),
-            ("duration", f"{metrics.duration_s:.1f} s"),
+            (
+                "duration" if plan.landing_leg is None else "duration with leg",
+                f"{metrics.duration_s:.1f} s",
+            ),
             ("mean clearance", _clearance(metrics.mean_clearance_m)),
             ("least clearance", _clearance(metrics.min_clearance_m)),
             ("velocity change", f"{metrics.velocity_change_mps:.1f} m/s"),
@@ -232,7 +248,7 @@ def _clearance(distance_m: float) -> str:
     return f"{distance_m:.1f} m" if math.isfinite(distance_m) else "none"
 
 
-def _draw_title(page: Page, plan: Plan) -> None:
+def _draw_title(page: Page, plan: Plan, site: Site) -> None:
     what = plan.mission.value.capitalize()
     if plan.mission is Mission.INSPECTION:
         what += f" of {plan.request.target}"
@@ -240,6 +256,9 @@ def _draw_title(page: Page, plan: Plan) -> None:
         what += f", to landing point {plan.landing_leg.landing_index}"
     elif plan.request.target is not None:
         what += f", to landing point {plan.request.target}"
+    margin_m = site.margin.total_m
+    kept = f"{margin_m:g} m of margin" if margin_m else "no margin"
+    what += f"; {kept} for the flight's errors"
     colour = INK
     if plan.reason:
         what += f": no plan, {plan.reason} ({plan.status.value})"

@@ -5,12 +5,14 @@ Inputs: a planner, a request, an adaptation. Outputs: its plans under `RISK_LEVE
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...adaptation import Adaptation
-from ...types import RiskIndices
+from ...types import RiskIndices, Weights
 from ..plan_values import Plan, PlanRequest
 from ..planner import Planner
 
@@ -37,6 +39,43 @@ def alternatives(
     return tuple(
         planner.solve(replace(request, risk=risk).adapted(adaptation)) for risk in RISK_LEVELS
     )
+
+
+def unmoved_words(planner: Planner, plan: Plan, others: Sequence[Plan]) -> str:
+    """Sentence on the risks that do not move a plan's path, and the reason; empty if some do.
+
+    others: its `alternatives`. Wind, communication and localization raise the weight of safety.
+    """
+    if plan.cost is None or plan.metrics is None or not others:
+        return ""
+    for_safety = [other for other in others if not other.request.risk.battery]
+    if not all(same_path(plan, other) for other in for_safety):
+        return ""
+    kept = "wind, communication and localization do not move the path"
+    if all(same_path(plan, other) for other in others):
+        kept = "no risk moves the path"
+    safest = planner.solve(replace(plan.request, weights=Weights.normalised(1.0, 0.0, 0.0)))
+    if safest.cost is None or safest.metrics is None or same_path(plan, safest):
+        return f"{kept}: it is the safest"
+    return (
+        f"{kept}: the safest has safety cost {safest.cost.safety:.2f} "
+        f"(this {plan.cost.safety:.2f}), takes {safest.metrics.duration_s:.1f} s "
+        f"({plan.metrics.duration_s:.1f} s), needs energy {safest.cost.energy:.2f} "
+        f"({plan.cost.energy:.2f})"
+    )
+
+
+def safety_words(plan: Plan) -> str:
+    """Safety of a plan: `safety cost 3.67, clearance 4.09 m on average, 1.43 m at least`."""
+    if plan.cost is None or plan.metrics is None:
+        return plan.status.value
+    words, metrics = f"safety cost {plan.cost.safety:.2f}", plan.metrics
+    if math.isfinite(metrics.mean_clearance_m):
+        words += (
+            f", clearance {metrics.mean_clearance_m:.2f} m on average, "
+            f"{metrics.min_clearance_m:.2f} m at least"
+        )
+    return words
 
 
 def same_path(plan: Plan, other: Plan) -> bool:
