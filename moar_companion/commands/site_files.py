@@ -197,7 +197,8 @@ def _from_map(arguments: argparse.Namespace) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from ..config import default_vehicle  # noqa: PLC0415
+    from ..config import Supervision, default_vehicle  # noqa: PLC0415
+    from ..error_margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
     from ..survey.drawn_site import features_of_site, path_name  # noqa: PLC0415
@@ -215,12 +216,12 @@ def _show(arguments: argparse.Namespace) -> int:
     vehicle_file = arguments.vehicle or str(default_vehicle())
     check_outputs(outputs, {"the site": arguments.file, "the vehicle": vehicle_file})
     site, vehicle = Site.load(arguments.file), Vehicle.load(vehicle_file)
-    plans, missing = _paths(Planner(site, vehicle), site)
+    plans, missing = _paths(Planner(flown_site(site, vehicle, Supervision()), vehicle), site)
     features = features_of_site(site, plans)
     texts = {
         "--kml": kml_of(site.name, features),
         "--geojson": geojson_of(features),
-        "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot, vehicle.speed.horizontal_mps),
+        "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot),
     }
     failures = [
         write_output(option, path, partial(_write_text, texts[option]))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 from ..autopilots import profile
 from ..planner.plan_values import Plan
@@ -13,6 +14,10 @@ from ..site import Site
 from ..types import AutopilotKind, GeodeticPoint, Mission
 from .drawn_site import waypoints_m
 
+_WAYPOINT, _LAND, _TAKEOFF = 16, 21, 22
+"""MAV_CMD_NAV_*."""
+_SPEED_STEP_MPS = 0.05
+"""Least change of speed that is a command of its own."""
 _STRAIGHT_RAD = 0.01
 """Greatest turn that counts as straight."""
 _ACCEPTANCE_M = 0.5
@@ -20,29 +25,41 @@ _ACCEPTANCE_M = 0.5
 corner."""
 
 
-def qgc_plan_of(
-    site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | None, speed_mps: float
-) -> str:
+def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | None) -> str:
     """A mission of QGroundControl (.plan, version 1) with the corners of the paths.
 
-    MAV_CMD_DO_CHANGE_SPEED, then MAV_CMD_NAV_WAYPOINT in MAV_FRAME_GLOBAL, heights above mean sea
-    level. At each target the aircraft waits for the dwell. The mission has no takeoff and no
-    landing.
+    MAV_CMD_NAV_TAKEOFF to the start, MAV_CMD_NAV_WAYPOINT at each corner, before it
+    MAV_CMD_DO_CHANGE_SPEED where the planned speed changes, MAV_CMD_NAV_LAND at the end of an exit.
+    Places are in MAV_FRAME_GLOBAL, heights above mean sea level. At each target the aircraft waits
+    for the dwell.
     """
-    items: list[dict[str, Any]] = [_qgc_speed(speed_mps)]
+    items: list[dict[str, Any]] = []
+    speeds_mps = [0.0]
+
+    def add(command: int, x_m: float, z_m: float, params: list[float | None]) -> None:
+        place = site.frame.to_geodetic((x_m, 0.0, z_m))
+        items.append(_place_item(command, place, params, len(items) + 1))
+
     for plan in plans:
-        waypoints = _corners_m(plan)
+        corners = _corners(plan)
+        if not items:
+            add(_TAKEOFF, *corners[0].position_m, [0, 0, 0, None])
         dwell_s = (
             site.target(str(plan.request.target)).dwell_s
             if plan.mission is Mission.INSPECTION
             else 0.0
         )
-        for number, (x, z) in enumerate(waypoints, 1):
-            if len(items) > 1 and number == 1:
-                continue  # end of the path before
-            place = site.frame.to_geodetic((x, 0.0, z))
-            hold_s = dwell_s if number == len(waypoints) else 0.0
-            items.append(_qgc_item(place, hold_s, len(items) + 1))
+        for before, corner in pairwise(corners):
+            speed_mps = round(before.speed_to_mps(corner), 2)
+            if abs(speed_mps - speeds_mps[-1]) > _SPEED_STEP_MPS:
+                speeds_mps.append(speed_mps)
+                items.append(_speed_item(speed_mps, len(items) + 1))
+            hold_s = dwell_s if corner is corners[-1] else 0.0
+            add(_WAYPOINT, *corner.position_m, [hold_s, _ACCEPTANCE_M, 0, None])
+        leg = plan.landing_leg
+        if leg is not None:
+            landing_m = site.landing_m[plan.mission][leg.landing_index]
+            add(_LAND, *landing_m, [0, 0, 0, None])
     home = site.frame.to_geodetic((site.start_m[0], 0.0, site.start_m[1]))
     return json.dumps(
         {
@@ -53,8 +70,8 @@ def qgc_plan_of(
                 "version": 2,
                 "firmwareType": profile(autopilot).mav_autopilot or 0,
                 "vehicleType": 2,
-                "cruiseSpeed": speed_mps,
-                "hoverSpeed": speed_mps,
+                "cruiseSpeed": max(speeds_mps),
+                "hoverSpeed": max(speeds_mps),
                 "globalPlanAltitudeMode": 2,
                 "plannedHomePosition": [
                     round(home.latitude_deg, 8),
@@ -70,13 +87,28 @@ def qgc_plan_of(
     )
 
 
-def _corners_m(plan: Plan) -> list[tuple[float, float]]:
+class _Corner(NamedTuple):
+    """End of a straight part of a path."""
+
+    position_m: tuple[float, float]
+    time_s: float
+
+    def speed_to_mps(self, other: _Corner) -> float:
+        """Planned speed on the way to the next corner, on average."""
+        taken_s = other.time_s - self.time_s
+        return math.dist(self.position_m, other.position_m) / taken_s if taken_s > 0.0 else 0.0
+
+
+def _corners(plan: Plan) -> list[_Corner]:
     """Ends of a path, and the waypoints at which it turns."""
-    at = waypoints_m(plan)
+    times_s = plan.waypoints.time_s
+    at = [
+        _Corner(place, float(time)) for place, time in zip(waypoints_m(plan), times_s, strict=True)
+    ]
     inner = [
         here
         for before, here, after in zip(at, at[1:], at[2:], strict=False)
-        if abs(_turn_rad(before, here, after)) > _STRAIGHT_RAD
+        if abs(_turn_rad(before.position_m, here.position_m, after.position_m)) > _STRAIGHT_RAD
     ]
     return [*at[:1], *inner, *at[-1:]]
 
@@ -90,28 +122,30 @@ def _turn_rad(
     return math.atan2(x * next_z - z * next_x, x * next_x + z * next_z)
 
 
-def _qgc_speed(speed_mps: float) -> dict[str, Any]:
+def _speed_item(speed_mps: float, number: int) -> dict[str, Any]:
     return {
         "type": "SimpleItem",
         "autoContinue": True,
         "command": 178,  # MAV_CMD_DO_CHANGE_SPEED
-        "doJumpId": 1,
+        "doJumpId": number,
         "frame": 2,  # MAV_FRAME_MISSION
         "params": [1, speed_mps, -1, 0, 0, 0, 0],
     }
 
 
-def _qgc_item(place: GeodeticPoint, hold_s: float, number: int) -> dict[str, Any]:
+def _place_item(
+    command: int, place: GeodeticPoint, params: list[float | None], number: int
+) -> dict[str, Any]:
     altitude = round(place.altitude_amsl_m, 3)
     position = [round(place.latitude_deg, 8), round(place.longitude_deg, 8), altitude]
     return {
         "type": "SimpleItem",
         "autoContinue": True,
-        "command": 16,  # MAV_CMD_NAV_WAYPOINT
+        "command": command,
         "doJumpId": number,
         "frame": 0,  # MAV_FRAME_GLOBAL
         "Altitude": altitude,
         "AltitudeMode": 2,
         "AMSLAltAboveTerrain": None,
-        "params": [hold_s, _ACCEPTANCE_M, 0, None, *position],
+        "params": [*params, *position],
     }

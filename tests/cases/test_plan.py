@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pytest
@@ -58,3 +59,17 @@ def test_the_landing_leg_and_the_other_targets_are_named(lines):
     others = "  targets    the first alone; `command inspection` flies 1 more in turn"
     assert others in lines("inspection")
     assert others not in lines("inspection", "--target", "splice-outer")
+
+
+@pytest.mark.slow
+def test_a_mission_for_qgroundcontrol_takes_off_lands_and_has_the_speed_of_each_part(tmp_path):
+    out = tmp_path / "site.plan"
+    assert cli.main(["site", "show", SITE, "--qgc-plan", str(out)]) == 0
+    items = json.loads(out.read_text())["mission"]["items"]
+    commands = [item["command"] for item in items]
+    assert (commands[0], commands[-1]) == (22, 21)
+    assert set(commands[1:-1]) == {16, 178}
+    assert items[-1]["Altitude"] == pytest.approx(212.5)
+    speeds_mps = [item["params"][1] for item in items if item["command"] == 178]
+    assert len(set(speeds_mps)) > 1
+    assert max(speeds_mps) <= 0.7

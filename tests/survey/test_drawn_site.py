@@ -223,12 +223,16 @@ def test_a_mission_of_qgroundcontrol_has_the_corners_and_waits_at_the_target(tmp
     drawn = site(LINE, tmp_path)
     vehicle = Vehicle.load(default_vehicle())
     plan = Planner(drawn, vehicle).plan(mission=Mission.INSPECTION)
-    document = json.loads(qgc_plan_of(drawn, [plan], None, 0.7))
-    speed, *items = document["mission"]["items"]
+    document = json.loads(qgc_plan_of(drawn, [plan], None))
+    everything = document["mission"]["items"]
     assert document["fileType"] == "Plan"
-    assert (speed["command"], speed["params"][:2]) == (178, [1, 0.7])
-    assert [each["doJumpId"] for each in items] == list(range(2, len(items) + 2))
-    assert {each["command"] for each in items} == {16}
+    assert [each["doJumpId"] for each in everything] == list(range(1, len(everything) + 1))
+    speeds = [each["params"][1] for each in everything if each["command"] == 178]
+    planned = plan.to_dict()["waypoints"]
+    fastest = max(each["speed_mps"] for each in planned)
+    assert all(0.0 < speed <= fastest + 0.01 for speed in speeds)
+    items = [each for each in everything if each["command"] != 178]
+    assert [each["command"] for each in items] == [22] + [16] * (len(items) - 1)
     assert items[-1]["params"][0] == drawn.targets[0].dwell_s
     corners = []
     for each in items:
