@@ -34,6 +34,19 @@ def test_systemd_accepts_the_unit(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd on this machine")
+def test_systemd_rates_the_exposure_of_the_unit_at_2_or_less():
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(UNIT)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if "unrecognized option" in done.stderr:
+        pytest.skip("this systemd does not rate a file")
+    assert done.returncode == 0, done.stdout
+
+
 def test_the_service_notifies_readiness_and_is_not_restarted_with_a_wrong_file():
     service = unit()["Service"]
     assert service["Type"] == "notify"
