@@ -5,7 +5,6 @@ Input: the decisions that the recorder wrote, and the path that was flown. Outpu
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from ..site import PlanePoint, Site
 from ..types import Mission
 from ..vehicle import Vehicle
 from .figure import DPI, Page, page_style
-from .labels import place_labels
+from .labels import name_times, place_labels
 from .plan_marks import draw_goal
 from .site_axes import View, draw_colour_bars, draw_plane, view_of
 
@@ -38,10 +37,13 @@ _MISSIONS = {
     Mission.EVACUATION: colormaps["Reds"],
 }
 _FLOWN = "#111111"
+_JUMP, _JUMP_S = 0.4, 6.0
+"""Least rise of an index that is named, and the time within which it happens."""
+_STEADY = 0.02
 
 # The page, in inches.
 _LEFT, _WIDTH, _RIGHT = 0.7, 9.6, 1.55
-_BOTTOM, _RISKS_HEIGHT, _BETWEEN, _TOP = 0.55, 1.9, 0.95, 0.45
+_BOTTOM, _RISKS_HEIGHT, _BETWEEN, _TOP = 0.55, 1.9, 1.35, 0.45
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +137,7 @@ def draw_flight(
         page = Page(_LEFT + _WIDTH + _RIGHT, below_in + plane_in + _TOP)
         plane = page.panel(_LEFT, below_in, _WIDTH, plane_in)
         _draw_paths(plane, story, flown_m, site, maps, view)
-        _draw_risks(page.panel(_LEFT, _BOTTOM, _WIDTH, _RISKS_HEIGHT), story)
+        _draw_risks(page.panel(_LEFT, _BOTTOM, _WIDTH, _RISKS_HEIGHT), story, vehicle.risk.unknown)
         page.figure.savefig(file, format="png", dpi=DPI)
 
 
@@ -161,35 +163,58 @@ def _draw_paths(
     for mission, colours in _MISSIONS.items():
         plans = [plan for plan in story.plans if plan.mission is mission]
         if plans:
-            shades = colours(np.linspace(0.45, 1.0, len(plans)))
+            shades = colours(np.linspace(1.0, 0.6, len(plans))[::-1])
             axes.add_collection(
-                LineCollection([plan.points_m for plan in plans], colors=shades, linewidths=1.2)
+                LineCollection([plan.points_m for plan in plans], colors=shades, linewidths=1.5)
             )
-            axes.plot([], [], color=shades[-1], lw=1.2, label=f"planned, {mission.value}")
+            axes.plot([], [], color=shades[-1], lw=1.5, label=f"planned, {mission.value}")
     if flown_m:
         axes.plot(*np.array(flown_m).T, color=_FLOWN, lw=1.8, label="flown")
     for mission in {Mission.INSPECTION} | {plan.mission for plan in story.plans}:
         draw_goal(axes, site, maps, mission, None, None)
-    place_labels(axes)
+    drawn = [np.array(flown_m).reshape(-1, 2), *(plan.points_m for plan in story.plans)]
+    place_labels(axes, np.concatenate(drawn))
     named = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
     axes.legend(named.values(), named.keys(), loc="upper left", framealpha=0.9)
     axes.set_title(f"{site.name}: planned and flown", loc="left", fontweight="bold")
 
 
-def _draw_risks(axes: Any, story: FlightStory) -> None:
+def _draw_risks(axes: Any, story: FlightStory, unknown: float) -> None:
     """The four indices over time, with the mission's states named above."""
     for column, (name, colour) in enumerate(_RISKS.items()):
         axes.plot(story.time_s, story.risk[:, column], color=colour, lw=1.6, label=name)
+        _name_changes(axes, story.time_s, story.risk[:, column], unknown, name, colour)
     end_s = max(1.0, float(story.time_s[-1])) if len(story.time_s) else 1.0
-    for (time_s, state), (next_s, _) in itertools.pairwise([*story.states, (end_s, "")]):
-        axes.axvline(time_s, color="#888888", lw=0.6)
-        if next_s - time_s > 0.075 * end_s:
-            axes.text(
-                time_s + 0.004 * end_s, 1.03, state, fontsize=7.5, color="#444444", va="bottom"
-            )
     axes.set_xlim(0.0, end_s)
     axes.set_ylim(0.0, 1.0)
-    axes.set_xlabel("time (s)")
+    name_times(axes, story.states)
+    axes.set_xlabel(f"time (s); an unknown index is {unknown:g}")
     axes.set_ylabel("risk index")
     axes.grid(visible=True, color="#dddddd", lw=0.6)
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), frameon=False)
+
+
+def _name_changes(
+    axes: Any,
+    time_s: np.ndarray[Any, Any],
+    risk: np.ndarray[Any, Any],
+    unknown: float,
+    name: str,
+    colour: str,
+) -> None:
+    """Name where an index jumps up, from what to what, and where it becomes unknown."""
+    words = {"fontsize": 7.5, "color": colour, "textcoords": "offset points", "zorder": 5}
+    jumped = True
+    for index, (now_s, value) in enumerate(zip(time_s, risk, strict=True)):
+        before = risk[(time_s >= now_s - _JUMP_S) & (time_s <= now_s)]
+        least, next_risk = float(before.min()), float(risk[min(index + 1, len(risk) - 1)])
+        if value == unknown and index and risk[index - 1] != unknown:
+            axes.annotate("unknown", (now_s, value), xytext=(-3, 4), ha="right", **words)
+            jumped = True
+        elif value - least >= _JUMP and not jumped and next_risk - value < _STEADY:
+            axes.annotate(
+                f"{name} {least:.2f} to {value:.2f}", (now_s, value), xytext=(5, -9), **words
+            )
+            jumped = True
+        elif value - least < _STEADY:
+            jumped = False

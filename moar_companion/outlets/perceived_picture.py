@@ -22,10 +22,11 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Polygon as PolygonPatch
 from matplotlib.patches import Rectangle
 
+from ..planner.grid import FloatArray
 from ..site import Conductor, Obstacle, PlanePoint, Site
 from ..vehicle import Vehicle
 from .figure import DPI, INK, Page, page_style
-from .labels import label, place_labels
+from .labels import label, name_times, place_labels
 from .site_axes import View, draw_colour_bars, set_up_plane, view_of
 
 _COLOURS = colormaps["plasma"]
@@ -42,7 +43,7 @@ _SAME_M = 2.0
 
 # The page, in inches.
 _LEFT, _WIDTH, _RIGHT = 0.7, 9.6, 1.15
-_BOTTOM, _BELOW_HEIGHT, _BETWEEN, _TOP = 0.55, 2.1, 0.75, 0.75
+_BOTTOM, _BELOW_HEIGHT, _BETWEEN, _TOP = 0.55, 2.6, 1.15, 0.75
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,9 +213,17 @@ def _draw_plane(
         axes.plot(*target.position_m, "*", ms=13, color=_GIVEN, mec="white", zorder=7)
         label(axes, target.position_m, target.name)
     axes.plot([], [], "*", ms=13, color=_GIVEN, mec="white", label="given: rough target")
-    place_labels(axes)
+    place_labels(axes, _lines(story, flown_m))
     draw_colour_bars(axes, [(ScalarMappable(norm, _COLOURS), "seen, flown at (s)")])
     axes.legend(loc="upper left", framealpha=0.9, fontsize=8.0)
+
+
+def _lines(story: SeenStory, flown_m: list[PlanePoint]) -> FloatArray:
+    """Points (n, 2) of the lines that a name should not hide."""
+    sights = [np.linspace(each.from_m, each.position_m, 80) for each in story.conductors]
+    drawn = np.concatenate([np.array(flown_m).reshape(-1, 2), *sights])
+    known: FloatArray = drawn[np.isfinite(drawn).all(axis=1)]
+    return known
 
 
 def _draw_true(axes: Any, item: Obstacle, view: View, colour: str) -> None:
@@ -247,15 +256,10 @@ def _draw_sightings(axes: Any, story: SeenStory, true: Site, norm: Normalize) ->
     _draw_first_sights(axes, story, true, norm, end_s - begin_s)
     for time_s, _ in story.solids:
         axes.axvline(time_s, ymax=0.05, color=_COLOURS(norm(time_s)), lw=1.2)
-    shown_s = -math.inf
-    for time_s, state in (each for each in story.states if begin_s <= each[0] <= end_s):
-        axes.axvline(time_s, color="#888888", lw=0.6)
-        if time_s - shown_s > _NAME_SHARE * (end_s - begin_s):
-            shown_s = time_s
-            axes.text(time_s, 1.03, state, fontsize=7.5, color="#444444",
-                      va="bottom", transform=axes.get_xaxis_transform())  # fmt: skip
     axes.set_xlim(begin_s, end_s)
     axes.set_ylim(bottom=0.0)
+    states = [each for each in story.states if begin_s <= each[0] <= end_s]
+    name_times(axes, states)
     axes.set_xlabel("time (s); ticks below: outlines of solids")
     axes.set_ylabel("seen first from (m)")
     axes.grid(visible=True, color="#dddddd", lw=0.6)
@@ -272,7 +276,7 @@ def _draw_first_sights(
     name_m, before_s = 0.0, -math.inf
     for sight in sights:
         colour = _COLOURS(norm(sight.time_s))
-        axes.plot(sight.time_s, sight.distance_m, "o", ms=7, color=colour, mec="white")
+        axes.plot(sight.time_s, sight.distance_m, "o", ms=5.5, color=colour, mec="white")
         beside = abs(sight.time_s - before_s) < _NAME_SHARE * shown_s
         name_m = max(sight.distance_m, name_m) if beside else sight.distance_m
         axes.annotate(

@@ -321,8 +321,8 @@ class DataflashListener:
             self.telemetry = replace(self.telemetry, magnetic_field=field)
 
     def read_motors(self, fields: dict[str, Any], now_s: float) -> None:
-        """Takes RCOU."""
-        prefix = next(prefix for prefix in ("C", "Ch", "Chan") if f"{prefix}1" in fields)
+        """Takes RCOU, of 3.1 MOT."""
+        prefix = next(prefix for prefix in ("C", "Ch", "Chan", "Mot") if f"{prefix}1" in fields)
         names = (f"{prefix}{number}" for number in range(1, 15))
         pulses = (fields[name] for name in names if name in fields)
         self.telemetry = motor_outputs(self.telemetry, pulses, now_s)
@@ -374,7 +374,7 @@ _READERS: tuple[tuple[str, _Reader, tuple[str, ...]], ...] = (
     ("gps", DataflashListener.read_gnss, ("GPS", "GPS2")),
     ("battery", DataflashListener.read_battery, ("BAT CURR", "BAT2 CUR2", "BAT3", "BAT4")),
     ("magnetometer", DataflashListener.read_magnetometer, ("MAG",)),
-    ("motors", DataflashListener.read_motors, ("RCOU",)),
+    ("motors", DataflashListener.read_motors, ("RCOU MOT",)),
     ("remote_control", DataflashListener.read_remote_control, ("RSSI",)),
     ("radio", DataflashListener.read_radio, ("RAD",)),
 )

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from moar_companion.commands.replay import played
 from moar_companion.config import shipped_configs
+from moar_companion.errors import InputError
 from moar_companion.outlets.replay_picture import draw_replay
 from moar_companion.outlets.replay_report import Replay
 from moar_companion.vehicle import Vehicle
@@ -45,7 +46,11 @@ def main() -> None:
         for path in sorted((SHARED / folder).glob("*")):
             if not path.name.endswith(SUFFIXES):
                 continue
-            replay = played(str(path), vehicle)
+            try:
+                replay = played(str(path), vehicle)
+            except InputError as error:
+                sys.stdout.write(f"{path.name}: {error.problem}\n")
+                continue
             picture = directory / f"{folder.replace('/', '_')}_{path.name}.png"
             with picture.open("wb") as stream:
                 draw_replay(replay, stream)

@@ -109,6 +109,30 @@ def test_a_log_with_milliseconds_is_a_whole_flight(replay, tmp_path, gps, tolera
     assert all(value is not None for value in risks.values())
 
 
+def test_a_log_of_3_1_has_the_times_of_its_receiver(replay, tmp_path):
+    log = DataflashLog(
+        {
+            "MODE": ("Mh", "Mode,ThrCrs"),
+            "GPS": GPS_32,
+            "ATT": ("cccccCC", "RollIn,Roll,PitchIn,Pitch,YawIn,Yaw,NavYaw"),
+            "CURR": ("hIhhhf", "ThrOut,ThrInt,Volt,Curr,Vcc,CurrTot"),
+            "MOT": ("hhhh", "Mot1,Mot2,Mot3,Mot4"),
+        }
+    )
+    log.put("MODE", 0, 352)
+    for step in range(50):
+        week_ms, boot_ms = 109_214_200 + 200 * step, 67_138 + 200 * step
+        place = [-394_950_310, 1_767_483_504, 4, 4_682]
+        log.put("GPS", 3, week_ms, 1774, 9, 242, *place, 6, 20_277, 0.14, boot_ms)
+        log.put("ATT", 0, -49, 0, -476, 0, 35_892, 35_892)
+        log.put("MOT", 994, 994, 994, 994)
+        log.put("CURR", 0, 0, 1691, 0, 4962, 0.0)
+    answer = replay(log.save(tmp_path / "31.bin"))
+    assert answer["duration_s"] == pytest.approx(9.8)
+    read = {name: item["messages"] for name, item in answer["inputs"].items() if item["messages"]}
+    assert read == {"autopilot": 1, "attitude": 50, "battery": 50, "gps": 50, "motors": 50}
+
+
 @pytest.mark.parametrize("release", CURRENTS)
 def test_the_battery_of_each_release_is_in_volts_amperes_and_percent(tmp_path, release):
     layout, stored = CURRENTS[release]
