@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -22,6 +23,7 @@ from moar_companion.config import shipped_configs
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.flight_folder import gather, link_latest
 from sitl.demonstration.judge import read_truth
+from sitl.demonstration.settings import read_settings
 from sitl.python_version import complaint
 from tests.real_time import real_time
 from tests.thorough import sampled
@@ -121,11 +123,22 @@ def test_with_rough_target_positions_alone_the_companion_sees_obstacles_and_avoi
 
 
 @real_time
-def test_a_machine_that_is_too_slow_is_reported(tmp_path):
-    flown = fly("--speed", "500", "--out", str(tmp_path))
-    assert flown.returncode == 1
-    assert "is --speed 500 too much for this machine?" in flown.stdout
-    assert "Traceback" not in flown.stderr
+def test_a_machine_that_becomes_too_slow_is_reported(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(demonstration, "kept_speed", lambda wanted: wanted)
+    status = demonstration.main(["--headless", "--speed", "500", "--out", str(tmp_path)])
+    out, err = capsys.readouterr()
+    assert status == 1
+    assert "is --speed 500 too much for this machine?" in out
+    assert err == ""
+
+
+def test_a_speed_that_the_machine_does_not_keep_is_lowered_with_a_line(monkeypatch, capsys):
+    monkeypatch.setattr(demonstration, "kept_speed", lambda wanted: min(wanted, 2.55))
+    settings = read_settings(["--speed", "4"])
+    assert demonstration._paced(settings) == replace(settings, speed=2.5)
+    assert capsys.readouterr().out == "this machine does not keep --speed 4 now: 2.5\n"
+    assert demonstration._paced(replace(settings, speed=2.0)).speed == 2.0
+    assert capsys.readouterr().out == ""
 
 
 @real_time
