@@ -10,6 +10,7 @@ that of a Markdown page; with `--scenario ''` without a flight.
 from __future__ import annotations
 
 import argparse
+import fcntl
 import json
 import shutil
 import sys
@@ -67,8 +68,14 @@ def replaced(page, new):
 
 
 def keep(out, row):
-    """Write a row into the file of rows, and all rows into the table."""
+    """Write a row into the file of rows, and all rows into the table; two programs may do so."""
     out.mkdir(parents=True, exist_ok=True)
+    with (out / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        _keep(out, row)
+
+
+def _keep(out, row):
     file = out / "rows.jsonl"
     rows = {}
     if file.exists():
