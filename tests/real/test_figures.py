@@ -212,6 +212,14 @@ def test_the_parameters_of_every_scenario_are_numbers(kind):
         assert all(isinstance(value, int | float) for value in scenario.parameters(kind).values())
 
 
+def test_a_receivers_parameters_have_the_names_of_the_firmware():
+    old, new = KINDS["real-ardupilot"], KINDS["real-ardupilot-4.7"]
+    assert old.gps(found=False) == {"SIM_GPS_DISABLE": 1}
+    assert new.gps(found=False) == {"SIM_GPS1_ENABLE": 0}
+    assert list(old.gps_offset(1e-6, 2e-6, 0.0)) == [f"SIM_GPS_GLITCH_{axis}" for axis in "XYZ"]
+    assert list(new.gps_offset(1e-6, 2e-6, 0.0)) == [f"SIM_GPS1_GLTCH_{axis}" for axis in "XYZ"]
+
+
 def test_every_scenario_is_flown_on_every_kind_but_where_a_simulator_cannot():
     reasons = {
         (kind.name, scenario.name): scenario.unable(kind)
