@@ -14,9 +14,9 @@ from .figure import INK
 
 _LABEL = "label"
 """The gid of the names that `place_labels` moves."""
-_TIME_ROWS = 4
-_LETTER_IN = 0.065
-"""Rows of names above axes of time, and the width of a letter there."""
+_TIME_ROWS = 6
+_ROW_IN, _LETTER_IN = 0.14, 0.065
+"""Rows of names above axes of time, their height, and the width of a letter there."""
 _PLACES = tuple(
     ((reach * x, reach * y), horizontal, vertical)
     for reach in (11.0, 18.0, 26.0)
@@ -57,7 +57,8 @@ def name_times(axes: Any, times: Sequence[tuple[float, str]]) -> None:
     times: in order, within the axes' limits. Where many are close, the first names overlap.
     """
     begin, end = axes.get_xlim()
-    width_in = axes.get_window_extent().width / axes.figure.dpi
+    extent = axes.get_window_extent()
+    width_in, height_in = extent.width / axes.figure.dpi, extent.height / axes.figure.dpi
     along = {"transform": axes.get_xaxis_transform(), "clip_on": False}
     rows: list[tuple[float, int]] = []
     for time, name in reversed(times):
@@ -65,8 +66,14 @@ def name_times(axes: Any, times: Sequence[tuple[float, str]]) -> None:
         until = time + len(words) * _LETTER_IN / width_in * (end - begin)
         row = max((row + 1 for later, row in rows if later < until), default=0)
         rows.append((time, min(row, _TIME_ROWS - 1)))
-        bottom = 1.03 + 0.09 * rows[-1][1]
-        axes.plot([time, time], [0.0, bottom + 0.07], color="#888888", lw=0.6, **along)
+        bottom = 1.0 + (0.05 + _ROW_IN * rows[-1][1]) / height_in
+        axes.plot(
+            [time, time],
+            [0.0, bottom + 0.8 * _ROW_IN / height_in],
+            color="#888888",
+            lw=0.6,
+            **along,
+        )
         axes.text(time, bottom, words, fontsize=7.5, color="#444444", va="bottom", **along)
 
 

@@ -43,7 +43,7 @@ _SAME_M = 2.0
 
 # The page, in inches.
 _LEFT, _WIDTH, _RIGHT = 0.7, 9.6, 1.15
-_BOTTOM, _BELOW_HEIGHT, _BETWEEN, _TOP = 0.55, 2.6, 1.15, 0.75
+_BOTTOM, _BELOW_HEIGHT, _BETWEEN, _TOP = 0.55, 2.6, 1.4, 0.75
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
