@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from ..perception.lidar_scan import Scan
     from ..perception.ouster import OusterStream
     from ..perception.velodyne import VelodyneStream
 
@@ -26,7 +27,7 @@ _DLT_RAW_IP = 101
 
 
 def read_capture(file: str, metadata: str | None, port: int | None) -> npt.NDArray[np.float64]:
-    """The points of all whole turns in a capture, in the sensor's axes; raises InputError.
+    """The points of a capture, in the sensor's axes; raises InputError.
 
     metadata: the description of an Ouster; without one the sensor is a Velodyne. port: of the data
     packets; None: the one that the description names, or the sensor's usual one.
@@ -35,23 +36,27 @@ def read_capture(file: str, metadata: str | None, port: int | None) -> npt.NDArr
     if port is None:
         port = getattr(stream, "port", 0) or DATA_PORTS[sensor]
     ports: Counter[int] = Counter()
-    turns = []
+    turns: list[Scan | None] = []
+    from ..perception.lidar_scan import refusals  # noqa: PLC0415
+
     for time_s, arrived_at, payload in udp_packets(file):
         ports[arrived_at] += 1
-        scan = stream.receive(payload, time_s) if arrived_at == port else None
-        if scan is not None:
-            turns.append(scan.points_m)
+        if arrived_at == port:
+            turns.append(stream.receive(payload, time_s))
     if stream.packets == 0:
-        others = ", ".join(f"{count} at {each}" for each, count in sorted(ports.items())) or "none"
         hint = "" if metadata else "; an Ouster's need --metadata FILE.json, others --port N"
-        name = {Sensor.VELODYNE: "a Velodyne", Sensor.OUSTER: "an Ouster"}[sensor]
-        problem = f"has no data packets of {name} at UDP port {port}"
-        raise InputError(file, "", f"{problem}; its UDP packets: {others}{hint}")
-    if not turns:
-        raise InputError(file, "", f"has {stream.packets} data packets, but no whole turn")
+        if ports[port]:
+            problem = f"{ports[port]} packets at UDP port {port}, {refusals(stream.refused)}"
+        else:
+            others = ", ".join(f"{count} at {each}" for each, count in sorted(ports.items()))
+            name = {Sensor.VELODYNE: "a Velodyne", Sensor.OUSTER: "an Ouster"}[sensor]
+            problem = f"no data packets of {name} at UDP port {port}"
+            hint = f"; its UDP packets: {others or 'none'}{hint}"
+        raise InputError(file, "", f"has {problem}{hint}")
+    turns.append(stream.finish())
     import numpy as np  # noqa: PLC0415
 
-    return np.concatenate(turns)
+    return np.concatenate([turn.points_m for turn in turns if turn is not None])
 
 
 def data_packets(file: str, port: int) -> Iterator[tuple[float, bytes]]:

@@ -282,6 +282,7 @@ def _perception(report: PerceptionReport | None, now_s: float) -> dict[str, Any]
         "scan_age_s": None if health.scan_s is None else now_s - health.scan_s,
         "returns": health.returns,
         "refused": health.refused,
+        "refusal": None if health.refusal is None else health.refusal.value,
         "late": health.late,
         "conductors": [
             {

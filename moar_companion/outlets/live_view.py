@@ -304,6 +304,8 @@ def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:
 def _perception(seen: Status) -> Text:
     """Number of seen obstacles, and the state of the sensor."""
     words = Text(f"{len(seen['conductors'])} conductors, {seen['solids']} other obstacles; ")
+    if seen["refusal"] is not None:
+        words.append(f"packets {seen['refusal']}; ", "magenta")
     age_s = seen["scan_age_s"]
     if age_s is None:
         return words.append("no scan yet", "magenta")

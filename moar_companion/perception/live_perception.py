@@ -7,7 +7,7 @@ Output: `PerceptionReport`. No clock, no I/O: the same inputs give the same repo
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +18,7 @@ from ..site import Site
 from ..types import Vector
 from .conductor_tracks import ConductorTracks
 from .ground import ground_height_m
-from .lidar_scan import Scan
+from .lidar_scan import PacketFault, Scan
 from .occupancy import Occupancy
 from .ouster import OusterStream
 from .perception_report import PerceptionReport, SensorHealth
@@ -37,6 +37,8 @@ _LONGEST_SCAN_S, _AHEAD_S = 0.5, 0.1
 the sensor's clock has stepped."""
 _MOST_SCANS = 16
 """Greatest number of scans that wait for poses; the oldest is dropped."""
+_SILENT_S = 0.5
+"""Time without a packet that was taken, or refused, after which there are none."""
 _REPORT_S = 0.2
 """Longest time between reports, which carry the sensor's health."""
 _HULL_M = 1.0
@@ -60,7 +62,7 @@ class PacketStream(Protocol):
     """Packets of one sensor, in order of arrival."""
 
     packets: int
-    refused: dict[str, int]
+    refused: Counter[PacketFault]
     """Number of packets that were left out, by reason."""
 
     def receive(self, packet: bytes, now_s: float) -> Scan | None:
@@ -97,6 +99,9 @@ class LivePerception:
         self._scans: deque[Scan] = deque(maxlen=_MOST_SCANS)
         self._points: list[tuple[float, FloatArray]] = []
         self._received_s: float | None = None
+        self._refused_s: float | None = None
+        self._refused: Counter[PacketFault] = Counter()
+        """Packets that were left out when the newest one was taken, by reason."""
         self._scan_s: float | None = None
         self._returns = 0.0
         self._reported_s = -math.inf
@@ -139,6 +144,9 @@ class LivePerception:
         scan = self._stream.receive(packet, now_s)
         if self._stream.packets > packets:
             self._received_s = now_s
+            self._refused = self._stream.refused.copy()
+        else:
+            self._refused_s = now_s
         if scan is None:
             return
         if not len(scan.points_m):
@@ -167,7 +175,6 @@ class LivePerception:
         self._reported_s = now_s
         if self._began_s is None:
             self._began_s = now_s
-        refused = 0 if self._stream is None else sum(self._stream.refused.values())
         return PerceptionReport(
             time_s=now_s,
             began_s=self._began_s,
@@ -175,12 +182,22 @@ class LivePerception:
                 scan_s=self._scan_s,
                 received_s=self._received_s,
                 returns=self._returns,
-                refused=refused,
+                refused=0 if self._stream is None else sum(self._stream.refused.values()),
                 late=self.late,
+                refusal=self._refusal(now_s),
             ),
             conductors=self._tracks.conductors,
             solids=self._occupancy.polygons,
         )
+
+    def _refusal(self, now_s: float) -> PacketFault | None:
+        """Most frequent reason of refused packets, if no others arrive."""
+        if self._stream is None or self._refused_s is None or now_s - self._refused_s > _SILENT_S:
+            return None
+        if self._received_s is not None and now_s - self._received_s <= _SILENT_S:
+            return None
+        ((fault, _),) = (self._stream.refused - self._refused).most_common(1)
+        return fault
 
     def _take_scans(self, now_s: float) -> bool:
         processed = False

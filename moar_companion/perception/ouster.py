@@ -5,20 +5,25 @@ batcher drops all packets of a sensor that restarted its turn numbers; it gives 
 fourth packet of the next. A turn is complete with its last missing column, or with the first
 packet of another turn. Lost columns have no points.
 
+A packet is ours if the SDK takes it: by its size and, where both have one, by the serial number.
+The SDK reads no checksum; this module refuses a packet with a wrong one. Firmware before 2.5 has
+a constant in that field.
+
 Packets: Ouster Firmware User Manual, "Lidar Data Packet Format".
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from .lidar_scan import FloatArray, Scan
+from .lidar_scan import FloatArray, PacketFault, Scan
 
-_LIDAR_PACKET = 1
-"""Packet type of the data packets; packets of the LEGACY profile have none."""
+_NO_CHECKSUMS = (0, 0xDEADBEEF0000C0DE)
+"""Constants in the checksum's field: of firmware up to 2.2, and of 2.3 and 2.4."""
 _LONGEST_PACKET_NS = 1_000_000_000
 """Greatest time from the first column of a packet to the last."""
 _CLOCK_STEP_S = 0.5
@@ -42,8 +47,8 @@ class OusterStream:
         except (RuntimeError, ValueError) as error:
             raise ValueError(f"is no description of an Ouster: {_one_line(error)}") from None
         self.packets = 0
-        self.refused = {"truncated": 0, "foreign": 0, "damaged": 0}
-        """Number of refused packets: too short, of another kind or sensor, or damaged."""
+        self.refused: Counter[PacketFault] = Counter()
+        """Number of refused packets by reason."""
         self.port: int = info.config.udp_port_lidar or 0
         """UDP port to which the sensor sends data; 0 if the description lacks it."""
         self._headers = core.ColHeader
@@ -51,11 +56,15 @@ class OusterStream:
         self._typed = info.format.udp_profile_lidar != core.UDPProfileLidar.LEGACY
         self._columns = int(info.format.columns_per_frame)
         self._columns_used = int(info.format.valid_columns_per_frame())
-        self._fields = [
-            field.name for field in core.get_field_types(info) if field.name.startswith("RANGE")
-        ]
+        self._fields = [name for name in self._format.fields if name.startswith("RANGE")]
+        if not self._fields:
+            raise ValueError("describes an Ouster whose data packets are off")
         altitudes = np.asarray(info.beam_altitude_angles)
         self._rings = np.argsort(np.argsort(altitudes, kind="stable"))
+        self._no_checksums = set(_NO_CHECKSUMS)
+        self._wrong_checksum: int | None = None
+        """Field of the last packet with a wrong checksum. A second packet with the same one shows
+        that the field is a constant."""
         self._turn: _Turn | None = None
         self._finished: int | None = None
         """Number of the last turn that was given."""
@@ -80,33 +89,48 @@ class OusterStream:
             done, self._turn = self._scan(turn), None
         return done
 
-    def _fault(self, packet: bytes) -> str | None:
+    def finish(self) -> Scan | None:
+        """The scan of the packets since the last one: a part of a turn; None without any."""
+        done, self._turn = self._scan(self._turn), None
+        return done
+
+    def _fault(self, packet: bytes) -> PacketFault | None:
         size = int(self._format.lidar_packet_size)
         content = np.frombuffer(packet[:size].ljust(size, b"\0"), np.uint8)
         if len(packet) != size:
             begun = 0 < len(packet) < size and len(packet) != int(self._format.imu_packet_size)
-            ours = begun and self._is_begun(content, len(packet))
-            return "truncated" if ours else "foreign"
-        if self._typed and not self._is_ours(content):
-            return "foreign"
-        crc = self._format.crc(content)  # of firmware that sends one
-        if crc and crc != self._format.calculate_crc(content):
-            return "damaged"
-        return None if self._is_sound(content) else "damaged"
+            cut = begun and self._is_begun(content, len(packet))
+            return PacketFault.CUT if cut else PacketFault.SIZE
+        if not self._is_ours(content):
+            return PacketFault.SENSOR
+        if not self._checksum_holds(content):
+            return PacketFault.CHECKSUM
+        return None if self._is_sound(content) else PacketFault.ORDER
 
     def _is_begun(self, content: npt.NDArray[np.uint8], length: int) -> bool:
         """Returns True if the first bytes, of this number, begin a data packet of this sensor."""
         if self._typed:
-            return self._is_ours(content)
+            return int(self._format.prod_sn(content)) == self._serial
         whole = length // int(self._format.col_size)
         column = self._header("MEASUREMENT_ID", content)[:whole].astype(np.int64)
         stamped = self._header("TIMESTAMP", content)[:whole].all()
         return whole > 0 and bool(stamped and (column == column[0] + np.arange(whole)).all())
 
     def _is_ours(self, content: npt.NDArray[np.uint8]) -> bool:
-        serial = int(self._format.prod_sn(content))
-        same = serial == self._serial or not self._serial
-        return same and int(self._format.packet_type(content)) == _LIDAR_PACKET
+        """Returns True unless packet and description have serial numbers that differ."""
+        return int(self._format.prod_sn(content)) in {0, self._serial} or not self._serial
+
+    def _checksum_holds(self, content: npt.NDArray[np.uint8]) -> bool:
+        checksum = self._format.crc(content)  # None where the profile has none
+        if checksum is None or checksum in self._no_checksums:
+            return True
+        if checksum == self._format.calculate_crc(content):
+            return True
+        if checksum == self._wrong_checksum:
+            self._no_checksums.add(checksum)
+            return True
+        self._wrong_checksum = checksum
+        return False
 
     def _is_sound(self, content: npt.NDArray[np.uint8]) -> bool:
         """Returns True if the columns in use are successive, in place and in time."""

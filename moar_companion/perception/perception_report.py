@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..site import PlanePoint, Polygon
+from .lidar_scan import PacketFault
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +30,9 @@ class SensorHealth:
     scan_s: time of the last point of the newest whole scan; None before the first. received_s: time
     of the newest packet; None before the first. returns: share of that scan's beams with an echo
     farther than 1 m; nearer echoes are of the hull or of a cover. refused: number of damaged
-    packets and of packets of another sensor. late: number of scans and sets that were dropped for
-    lack of poses, or of possible times. A sensor that measures single points has 1 as returns.
+    packets and of packets of another sensor. refusal: most frequent reason, while all packets are
+    refused; None otherwise. late: number of scans and sets that were dropped for lack of poses, or
+    of possible times. A sensor that measures single points has 1 as returns.
     """
 
     scan_s: float | None = None
@@ -38,6 +40,7 @@ class SensorHealth:
     returns: float = 0.0
     refused: int = 0
     late: int = 0
+    refusal: PacketFault | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

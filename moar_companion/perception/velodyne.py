@@ -1,30 +1,40 @@
 """Velodyne data packets to scans, by velodyne-decoder; all other packets are counted.
 
 Packets: VLP-16 User Manual 63-9243 Rev. E, section 9.3: 1,206 bytes, twelve blocks that begin with
-0xFFEE, then time, return mode and model. A scan is one turn.
+0xFFEE, then time, return mode and model. A scan is one turn. An HDL-32E with firmware before 2.2.20
+sends no return mode. An Alpha Prime marks the blocks of its four groups of lasers, and leaves the
+last four blocks empty where each beam has two returns.
 """
 
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from .lidar_scan import Scan
+from .lidar_scan import PacketFault, Scan
 
 PACKET_BYTES = 1206
 _POSITION_BYTES = 512
 """Length of a packet with time and position of a GPS, on another port."""
 _BLOCKS, _BLOCK_BYTES = 12, 100
-_FLAG = b"\xff\xee"
+_BEAMS = 32
+"""Beams per block; two blocks have the same beams where each has two returns."""
+_MARKS = (b"\xff\xee", b"\xff\xdd", b"\xff\xcc", b"\xff\xbb")
 _FULL_TURN = 36_000
-_RETURN_MODES = (0x37, 0x38, 0x39)
-_MODELS = {0x21: "HDL32E", 0x22: "VLP16", 0x24: "PuckHiRes", 0x28: "VLP32C"}
-_DUAL_RETURN = 0x39
-_PACKET_BEAMS = 384
-"""Beams per packet; half as many where each beam has two returns."""
+_STRONGEST, _DUAL_RETURN = 0x37, 0x39
+_RETURN_MODES = (_STRONGEST, 0x38, _DUAL_RETURN)
+_ALPHA_PRIME = 0xA1
+_MODELS = {
+    0x21: "HDL32E",
+    0x22: "VLP16",
+    0x24: "PuckHiRes",
+    0x28: "VLP32C",
+    _ALPHA_PRIME: "VLS128",
+}
 _HOUR_S = 3600.0
 
 
@@ -33,8 +43,8 @@ class VelodyneStream:
 
     def __init__(self) -> None:
         self.packets = 0
-        self.refused = {"truncated": 0, "foreign": 0, "damaged": 0}
-        """Number of refused packets: too short, of another kind, or damaged."""
+        self.refused: Counter[PacketFault] = Counter()
+        """Number of refused packets by reason."""
         self._decoder: Any = None
         self._model: int | None = None
         self._beams = 0
@@ -49,25 +59,40 @@ class VelodyneStream:
         if packet[-1] != self._model:
             self._model = packet[-1]
             self._decoder = _decoder(packet[-1])
-        self._beams += _PACKET_BEAMS // 2 if packet[-2] == _DUAL_RETURN else _PACKET_BEAMS
-        done = self._decoder.decode(now_s, packet)
+        if packet[-2] not in _RETURN_MODES:
+            packet = packet[:-2] + bytes((_STRONGEST, packet[-1]))
+        per_beam = 2 if packet[-2] == _DUAL_RETURN else 1
+        self._beams += _used_blocks(packet) * _BEAMS // per_beam
+        return self._taken(self._decoder.decode(now_s, packet))
+
+    def finish(self) -> Scan | None:
+        """The scan of the packets since the last one: a part of a turn; None without any."""
+        return None if self._decoder is None else self._taken(self._decoder.finish())
+
+    def _taken(self, done: Any) -> Scan | None:
         if done is None:
             return None
         beams, self._beams = self._beams, 0
         stamp, rows = done
         return _scan(stamp, rows, beams)
 
-    def _fault(self, packet: bytes) -> str | None:
+    def _fault(self, packet: bytes) -> PacketFault | None:
         if len(packet) != PACKET_BYTES:
-            begun = packet.startswith(_FLAG) and len(packet) < PACKET_BYTES
-            return "truncated" if begun and len(packet) != _POSITION_BYTES else "foreign"
-        if packet[-1] not in _MODELS or packet[-2] not in _RETURN_MODES:
-            return "foreign"
-        for block in range(0, _BLOCKS * _BLOCK_BYTES, _BLOCK_BYTES):
+            begun = packet.startswith(_MARKS[0]) and len(packet) < PACKET_BYTES
+            cut = begun and len(packet) != _POSITION_BYTES
+            return PacketFault.CUT if cut else PacketFault.SIZE
+        if packet[-1] not in _MODELS:
+            return PacketFault.MODEL
+        marks = _MARKS if packet[-1] == _ALPHA_PRIME else _MARKS[:1]
+        for block in range(0, _used_blocks(packet) * _BLOCK_BYTES, _BLOCK_BYTES):
             (azimuth,) = struct.unpack_from("<H", packet, block + 2)
-            if packet[block : block + 2] != _FLAG or azimuth >= _FULL_TURN:
-                return "damaged"
+            if packet[block : block + 2] not in marks or azimuth > _FULL_TURN:
+                return PacketFault.MARKS
         return None
+
+
+def _used_blocks(packet: bytes) -> int:
+    return 8 if (packet[-2], packet[-1]) == (_DUAL_RETURN, _ALPHA_PRIME) else _BLOCKS
 
 
 def _decoder(model: int) -> Any:

@@ -137,10 +137,12 @@ def _plan(seen: CheckInputs, limit_s: float) -> str | None:
 
 
 def perception(seen: CheckInputs, now_s: float) -> str | None:
-    """Text for a lost, late or blinded sensor, or an obstacle that the maps lack; else None."""
+    """Text for a lost, late, blinded or unread sensor, or an obstacle that the maps lack."""
     settings, health = seen.sensing, seen.sensor_health
     if settings.sensor is None:
         return None
+    if health.refusal is not None:
+        return f"lidar data {health.refusal.value}"
     if health.received_s is None or health.scan_s is None:
         return "no data of the lidar is received"
     silent_s, age_s = now_s - health.received_s, now_s - health.scan_s

@@ -156,6 +156,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "path_barred": ("no path round {seen-solid-1|MM..}",),
     "perception": (
         "no data of the lidar is received",
+        "lidar data {with a wrong checksum}",
         "lidar silent for {1.1|99999} s > {1|99999}",
         "lidar silent for over {1|99999} s",
         "lidar scan age {0.6|99999} s > {0.5|99999}",

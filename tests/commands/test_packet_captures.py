@@ -11,7 +11,7 @@ from moar_companion.commands.packet_captures import data_packets, read_capture, 
 from moar_companion.commands.point_clouds import read_cloud
 from moar_companion.errors import InputError
 from sitl.lidar import PACKET_S, Box, LidarScene, SimulatedLidar
-from tests.perception.captures import FOLDER, OUSTERS, recorded
+from tests.perception.captures import FOLDER, OUSTERS, packets, recorded
 
 dpkt = pytest.importorskip("dpkt")
 pytest.importorskip("velodyne_decoder")
@@ -152,9 +152,22 @@ def test_a_capture_of_another_interface_is_refused(tmp_path):
     assert refusal(file, None, None) == f"{file}: cannot be read as a packet capture"
 
 
-def test_a_capture_without_a_whole_turn_is_refused(tmp_path):
+def test_a_part_of_a_turn_is_read(tmp_path):
     file = velodyne(tmp_path / "scan.pcap", seconds=0.05)
-    assert refusal(file, None, None) == f"{file}: has 37 data packets, but no whole turn"
+    assert len(read_capture(file, None, None)) > 1000
+
+
+def test_a_capture_whose_packets_are_all_refused_says_why(tmp_path):
+    spoilt = [packet[:300] + b"\0\0" + packet[302:] for _, packet in turns(0.1)]
+    frames = [(5.0, frame(internet(datagram(packet)))) for packet in spoilt]
+    hint = "an Ouster's need --metadata FILE.json, others --port N"
+    assert refusal(capture(tmp_path / "scan.pcap", frames), None, None).endswith(
+        f": has 75 packets at UDP port 2368, all with wrong marks; {hint}"
+    )
+    frames += [(5.0, frame(internet(datagram(bytes(48)))))] * 4
+    assert refusal(capture(tmp_path / "scan.pcap", frames), None, None).endswith(
+        f": has 79 packets at UDP port 2368, 75 with wrong marks, 4 of another size; {hint}"
+    )
 
 
 def test_a_capture_without_udp_is_refused(tmp_path):
@@ -202,7 +215,21 @@ class TestOfAnOuster:
     def test_the_description_of_another_sensor_finds_no_packets(self):
         pytest.importorskip("ouster.sdk")
         file, metadata = str(FOLDER / f"{OUSTERS[0]}.pcap"), str(FOLDER / f"{OUSTERS[1]}.json")
-        assert "has no data packets of an Ouster" in refusal(file, metadata, None)
+        assert refusal(file, metadata, None).endswith(
+            ": has 64 packets at UDP port 7502, all of another size"
+        )
+
+    def test_wrong_checksums_are_named(self, tmp_path):
+        pytest.importorskip("ouster.sdk")
+        name = OUSTERS[0]
+        frames = [
+            (time_s, frame(internet(datagram(packet[:-8] + number.to_bytes(8, "big"), 7502))))
+            for number, (time_s, packet) in enumerate(packets(name), 1)
+        ]
+        file, metadata = capture(tmp_path / "scan.pcap", frames), str(FOLDER / f"{name}.json")
+        assert refusal(file, metadata, None).endswith(
+            ": has 64 packets at UDP port 7502, all with a wrong checksum"
+        )
 
 
 @pytest.mark.slow
@@ -220,6 +247,6 @@ def test_a_real_velodynes_turns_are_those_of_the_reference_reader(tmp_path):
     config = velodyne_decoder.Config(model=velodyne_decoder.Model.VLP16)
     reference = [rows for _, rows in velodyne_decoder.read_pcap(file, config)]
     points = read_capture(file, None, None)
-    whole = np.concatenate([rows[:, :3] for rows in reference[:-1]])  # the last turn is a part
-    assert len(points) == len(whole) == 201_812
+    whole = np.concatenate([rows[:, :3] for rows in reference])
+    assert len(points) == len(whole) > 201_812
     assert np.linalg.norm(points, axis=1) == pytest.approx(np.linalg.norm(whole, axis=1), abs=1e-5)

@@ -294,6 +294,7 @@ def test_a_row_of_the_page_shows_the_sensor_if_there_is_one():
         "scan_age_s": 0.12,
         "returns": 0.46,
         "refused": 3,
+        "refusal": None,
         "late": 1,
         "conductors": [{}, {}],
         "solids": 4,
@@ -301,5 +302,7 @@ def test_a_row_of_the_page_shows_the_sensor_if_there_is_one():
     (row,) = (line for line in page(FLYING | {"perception": seen}).splitlines() if "seen" in line)
     assert "2 conductors, 4 other obstacles; scan 0.1 s ago, 46% of beams" in row
     assert not any(line.startswith("seen") for line in page(FLYING | {"perception": None}))
+    refusal = page(FLYING | {"perception": seen | {"refusal": "with a wrong checksum"}})
+    assert "packets with a wrong checksum" in refusal
     blind = page(FLYING | {"perception": seen | {"scan_age_s": None}})
     assert "no scan yet" in blind

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
+from moar_companion.perception.lidar_scan import PacketFault
 from moar_companion.perception.live_perception import LivePerception
 from moar_companion.perception_config import Perception, Sensor, SensorMount
 from sitl.lidar import Box, LidarScene, Prism, Tree, Wire
@@ -234,6 +235,22 @@ def test_damaged_packets_are_counted():
     rig.perception.receive(bytes(1206), 0.0)
     health = last(rig, 0.3).health
     assert health.refused == 2
+
+
+def test_a_reason_is_reported_while_all_packets_are_refused():
+    rig = Rig(LidarScene(), HOVER)
+    assert last(rig, 0.3).health.refusal is None
+    rig.packets_flow = False
+    other, spoilt = bytes(1206), b"\xff\xee" + bytes(1203) + b"\x22"
+    health = []
+    for time_s in np.arange(0.3, 2.0, 0.02):
+        rig.perception.receive(spoilt, time_s)
+        rig.perception.receive(other if time_s < 0.4 else spoilt, time_s)
+        if (report := rig.perception.step(time_s)) is not None:
+            health.append((time_s, report.health.refusal))
+    assert {refusal for time_s, refusal in health if time_s < 0.7} == {None}
+    assert {refusal for time_s, refusal in health if time_s > 0.9} == {PacketFault.MARKS}
+    assert rig.perception.step(2.6).health.refusal is None, "none arrives any more"
 
 
 @pytest.mark.slow

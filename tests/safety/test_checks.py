@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 
 from moar_companion import autopilots
+from moar_companion.perception.lidar_scan import PacketFault
 from moar_companion.perception.perception_report import SensorHealth
 from moar_companion.perception_config import Perception, Sensor
 from moar_companion.safety.autopilot_failsafe import reported
@@ -384,6 +385,11 @@ STORIES = [
         "one without a whole scan",
         lidar(scan_s=None),
         {"perception": "no data of the lidar is received"},
+    ),
+    (
+        "one whose packets are all refused",
+        lidar(received_s=None, scan_s=None, refusal=PacketFault.CHECKSUM),
+        {"perception": "lidar data with a wrong checksum"},
     ),
     ("one at its limits", lidar(received_s=99.0, scan_s=99.5, returns=0.05), {}),
     (
