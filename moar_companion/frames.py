@@ -54,8 +54,11 @@ class SiteFrame:
         latitude = math.radians(self.origin.latitude_deg)
         return GeodeticPoint(
             latitude_deg=self.origin.latitude_deg + math.degrees(north_m / meridian_m),
-            longitude_deg=self.origin.longitude_deg
-            + math.degrees(east_m / (prime_vertical_m * math.cos(latitude))),
+            longitude_deg=math.remainder(
+                self.origin.longitude_deg
+                + math.degrees(east_m / (prime_vertical_m * math.cos(latitude))),
+                360.0,
+            ),
             altitude_amsl_m=self.origin.altitude_amsl_m + z_m,
         )
 
@@ -63,7 +66,7 @@ class SiteFrame:
         """(x, y) in the site's frame of a point on the map: `to_geodetic` the other way."""
         meridian_m, prime_vertical_m = radii_of_curvature_m(self.origin.latitude_deg)
         latitude = math.radians(self.origin.latitude_deg)
-        turned_deg = math.remainder(longitude_deg - self.origin.longitude_deg, 360.0)
+        turned_deg = self.origin.east_deg(longitude_deg)
         north_m = math.radians(latitude_deg - self.origin.latitude_deg) * meridian_m
         east_m = math.radians(turned_deg) * prime_vertical_m * math.cos(latitude)
         azimuth = math.radians(self.azimuth_deg)

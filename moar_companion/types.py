@@ -105,3 +105,7 @@ class GeodeticPoint:
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
+
+    def east_deg(self, longitude_deg: float) -> float:
+        """Degrees from this point east to a longitude, -180 to 180, across 180°, too."""
+        return math.remainder(longitude_deg - self.longitude_deg, 360.0)

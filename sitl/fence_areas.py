@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from sitl.commands import source
+from sitl.geodesy import around_deg
 
 FENCE: Final = 1
 """MAV_MISSION_TYPE_FENCE."""
@@ -100,18 +101,20 @@ class FenceAreas:
 
 def _in_circle(place: tuple[float, float], item: Item) -> bool:
     north_m = (place[0] - item.latitude_deg) * _M_PER_DEG
-    east_m = (place[1] - item.longitude_deg) * _M_PER_DEG * math.cos(math.radians(place[0]))
+    east_m = (
+        around_deg(place[1] - item.longitude_deg) * _M_PER_DEG * math.cos(math.radians(place[0]))
+    )
     return math.hypot(north_m, east_m) < item.value
 
 
 def _in_polygon(place: tuple[float, float], vertices: Sequence[Item]) -> bool:
-    latitude, longitude = place
+    latitude, longitude = place  # longitudes count from it
     inside = False
     before = vertices[-1]
     for vertex in vertices:
-        low, high = before.longitude_deg, vertex.longitude_deg
-        if (low >= longitude) != (high >= longitude):
-            part = (longitude - low) / (high - low)
+        low, high = (around_deg(each.longitude_deg - longitude) for each in (before, vertex))
+        if (low >= 0.0) != (high >= 0.0):
+            part = -low / (high - low)
             crossing = before.latitude_deg + part * (vertex.latitude_deg - before.latitude_deg)
             inside ^= latitude <= crossing
         before = vertex

@@ -26,6 +26,11 @@ class Geodetic:
     altitude_amsl_m: float
 
 
+def around_deg(angle_deg: float) -> float:
+    """Return the angle, -180 to 180: a longitude, or the difference of two."""
+    return math.remainder(angle_deg, 360.0)
+
+
 class TrueFrame:
     """Metres north, east, down of home, by the radii of curvature at home (WGS84)."""
 
@@ -46,7 +51,7 @@ class TrueFrame:
         """Return the place of a point given in metres from home."""
         return Geodetic(
             latitude_deg=self.home.latitude_deg + north_m * self.deg_per_m_north,
-            longitude_deg=self.home.longitude_deg + east_m * self.deg_per_m_east,
+            longitude_deg=around_deg(self.home.longitude_deg + east_m * self.deg_per_m_east),
             altitude_amsl_m=self.home.altitude_amsl_m - down_m,
         )
 
@@ -54,7 +59,7 @@ class TrueFrame:
         """Return metres north, east, down of home."""
         return (
             (place.latitude_deg - self.home.latitude_deg) / self.deg_per_m_north,
-            (place.longitude_deg - self.home.longitude_deg) / self.deg_per_m_east,
+            around_deg(place.longitude_deg - self.home.longitude_deg) / self.deg_per_m_east,
             self.home.altitude_amsl_m - place.altitude_amsl_m,
         )
 
@@ -93,7 +98,7 @@ class SphereProjection:
         sin_c, cos_c = math.sin(c), math.cos(c)
         lat = math.asin(cos_c * self._sin + x * sin_c * self._cos / c)
         lon = self._lon + math.atan2(y * sin_c, c * self._cos * cos_c - x * self._sin * sin_c)
-        return math.degrees(lat), math.degrees(lon)
+        return math.degrees(lat), around_deg(math.degrees(lon))
 
 
 class FlatProjection:
@@ -110,9 +115,10 @@ class FlatProjection:
     def project(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         """Return metres north and east of the origin."""
         middle_rad = math.radians((latitude_deg + self.latitude_deg) / 2.0)
+        east_rad = math.radians(around_deg(longitude_deg - self.longitude_deg))
         return (
             math.radians(latitude_deg - self.latitude_deg) * FLAT_RADIUS_M,
-            math.radians(longitude_deg - self.longitude_deg) * FLAT_RADIUS_M * math.cos(middle_rad),
+            east_rad * FLAT_RADIUS_M * math.cos(middle_rad),
         )
 
     def reproject(self, north_m: float, east_m: float) -> tuple[float, float]:
@@ -120,4 +126,4 @@ class FlatProjection:
         latitude_deg = self.latitude_deg + math.degrees(north_m / FLAT_RADIUS_M)
         middle_rad = math.radians((latitude_deg + self.latitude_deg) / 2.0)
         east_rad = east_m / (FLAT_RADIUS_M * math.cos(middle_rad))
-        return latitude_deg, self.longitude_deg + math.degrees(east_rad)
+        return latitude_deg, around_deg(self.longitude_deg + math.degrees(east_rad))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sitl.conditions import GPS_JAMMED, GPS_SILENT, Conditions
-from sitl.geodesy import TrueFrame
+from sitl.geodesy import TrueFrame, around_deg
 from sitl.quadrotor import Quadrotor
 
 GPS_PERIOD_S: Final = 0.125
@@ -130,8 +130,8 @@ class Estimator:
         self.latitude_deg = frame.home.latitude_deg + (
             (true.n + self._err_n + self._off_n) * frame.deg_per_m_north
         )
-        self.longitude_deg = frame.home.longitude_deg + (
-            (true.e + self._err_e + self._off_e) * frame.deg_per_m_east
+        self.longitude_deg = around_deg(
+            frame.home.longitude_deg + (true.e + self._err_e + self._off_e) * frame.deg_per_m_east
         )
         self.altitude_m = frame.home.altitude_amsl_m - true.d - self._err_d
         self.vn = true.vn + self._verr_n + self._drift_n

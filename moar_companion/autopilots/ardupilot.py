@@ -281,12 +281,11 @@ chunk: its first chunk identifies it."""
 
 def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
     """Position about an origin: angles times a radius and the cosine of the mean latitude."""
-    latitude, longitude = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
-    latitude_0, longitude_0 = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
+    latitude, latitude_0 = math.radians(point.latitude_deg), math.radians(origin.latitude_deg)
     scale = math.cos(0.5 * (latitude + latitude_0))
     return (
         (latitude - latitude_0) * _RADIUS_M,
-        (longitude - longitude_0) * scale * _RADIUS_M,
+        math.radians(origin.east_deg(point.longitude_deg)) * scale * _RADIUS_M,
         origin.altitude_amsl_m - point.altitude_amsl_m,
     )
 

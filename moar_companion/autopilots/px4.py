@@ -198,10 +198,9 @@ def mode_name(custom_mode: int) -> str | None:
 
 def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
     """Position about an origin: an azimuthal equidistant projection on a sphere."""
-    latitude, longitude = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
-    latitude_0, longitude_0 = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
+    latitude, latitude_0 = math.radians(point.latitude_deg), math.radians(origin.latitude_deg)
     down_m = origin.altitude_amsl_m - point.altitude_amsl_m
-    difference = longitude - longitude_0
+    difference = math.radians(origin.east_deg(point.longitude_deg))
     # The sine of the half angle keeps full precision over metres, where an arccosine loses it.
     north = math.sin(latitude - latitude_0) + (
         2.0 * math.sin(latitude_0) * math.cos(latitude) * math.sin(0.5 * difference) ** 2

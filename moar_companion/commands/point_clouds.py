@@ -141,7 +141,7 @@ def _around_origin(cloud: Cloud, at: tuple[float, ...], origin: tuple[float, ...
     )
     frame = SiteFrame(origin=place, azimuth_deg=90.0)
     x, y = at[:2]
-    near_origin = max(abs(x - origin[0]), abs(y - origin[1])) <= _ORIGIN_REACH_DEG
+    near_origin = max(abs(x - origin[0]), abs(place.east_deg(y))) <= _ORIGIN_REACH_DEG
     if len(at) == 2 and (near_origin or not _inside(cloud, x, y)):
         x, y = frame.place_of(at[0], at[1])
     offset = np.array([x, y, 0.0])
@@ -176,16 +176,18 @@ def _around_crs(cloud: Cloud, at: tuple[float, ...]) -> LocalCloud:
         raise InputError(cloud.file, "", f"has points outside of {cloud.crs.name}: is --crs right?")
     _refuse_outside(cloud, horizontal, float(latitude[0]), float(longitude[0]))
     meridian_m, prime_vertical_m = radii_of_curvature_m(float(latitude[0]))
+    longitude = longitude[0] + (longitude - longitude[0] + 180.0) % 360.0 - 180.0
     east = np.radians(longitude) * prime_vertical_m * math.cos(math.radians(latitude[0]))
     north = np.radians(latitude) * meridian_m
     to_metres = np.array(
         [[east[1] - east[2], east[3] - east[4]], [north[1] - north[2], north[3] - north[4]]]
     ) / (2.0 * step)
     height = _height_unit_m(cloud.crs)
+    offset = cloud.points[:, :2] - (x, y)
+    if horizontal.is_geographic:
+        offset[:, 0] = (offset[:, 0] + 180.0) % 360.0 - 180.0
     return LocalCloud(
-        points_m=np.column_stack(
-            ((cloud.points[:, :2] - (x, y)) @ to_metres.T, cloud.points[:, 2] * height)
-        ),
+        points_m=np.column_stack((offset @ to_metres.T, cloud.points[:, 2] * height)),
         at=GeodeticPoint(
             latitude_deg=float(latitude[0]), longitude_deg=float(longitude[0]), altitude_amsl_m=0.0
         ),

@@ -60,7 +60,7 @@ def read_truth(path: Path, site: Site) -> list[FlightTruth]:
     lines = (line for line in whole_lines.splitlines() if not line.startswith("#"))
     for row in csv.DictReader(lines):
         north_m = math.radians(float(row["latitude_deg"]) - origin.latitude_deg) * meridian_m
-        east_m = math.radians(float(row["longitude_deg"]) - origin.longitude_deg) * parallel_m
+        east_m = math.radians(origin.east_deg(float(row["longitude_deg"]))) * parallel_m
         rows.append(
             FlightTruth(
                 time_s=float(row["time_s"]),
