@@ -15,7 +15,6 @@ import os
 import re
 import typing
 from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import yaml
@@ -23,6 +22,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from .errors import InputError
+from .input_file import open_file, unreadable
 from .yaml_schema import Section
 
 Key = tuple[str | int, ...]
@@ -155,14 +155,10 @@ def nearest(word: str, words: Iterable[str]) -> str:
 
 def _text(source: str) -> str:
     try:
-        with Path(source).open("rb") as file:
+        with open_file(source) as file:
             content = file.read(_MAX_BYTES + 1)
-    except FileNotFoundError:
-        problem = "no such file"
-    except IsADirectoryError:
-        problem = "is a directory, must be a file"
     except (OSError, ValueError) as error:
-        problem = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        problem = unreadable(error)
     else:
         if len(content) > _MAX_BYTES:
             raise InputError(source, "", f"is larger than {_MAX_BYTES} bytes")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..input_file import open_file, unreadable
 from ..perception_config import DATA_PORTS, Sensor
 from .options import require
 
@@ -147,9 +148,10 @@ def _stream(file: str, metadata: str | None) -> tuple[OusterStream | VelodyneStr
     from ..perception.ouster import OusterStream  # noqa: PLC0415
 
     try:
-        return OusterStream(Path(metadata).read_text()), Sensor.OUSTER
+        with open_file(metadata) as description:
+            return OusterStream(description.read().decode()), Sensor.OUSTER
     except OSError as error:
-        raise InputError(metadata, "", f"cannot be read: {error.strerror}") from None
+        raise InputError(metadata, "", unreadable(error)) from None
     except UnicodeDecodeError:
         raise InputError(metadata, "", "is no text") from None
     except ValueError as error:

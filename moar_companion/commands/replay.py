@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from ..errors import InputError
+from ..input_file import open_file, unreadable
 from ..text_format import printable
 from .options import add_file, file_name, refused, require
 from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
@@ -217,7 +218,7 @@ def played(
 
 def _begins_with(path: str, magic: bytes) -> bool:
     """True if a readable file begins with these bytes; later code reports an unreadable one."""
-    with contextlib.suppress(OSError, ValueError), Path(path).open("rb") as file:
+    with contextlib.suppress(OSError, ValueError), open_file(path) as file:
         return file.read(len(magic)) == magic
     return False
 
@@ -228,20 +229,14 @@ def _content(path: str) -> tuple[bytes, bool]:
     The first bytes decide whether it is packed, not its name.
     """
     try:
-        if Path(path).is_dir():
-            raise InputError(path, "", "is a directory, must be a file")
-        if Path(path).is_char_device():
-            raise InputError(path, "", "is a device, must be a file")
-        with Path(path).open("rb") as file:
-            packed = file.peek(len(_GZIP)).startswith(_GZIP)
+        with open_file(path) as file:
+            packed = file.read(len(_GZIP)) == _GZIP
+            file.seek(0)
             data, whole = _read(gzip.GzipFile(fileobj=file) if packed else file)
-    except FileNotFoundError:
-        raise InputError(path, "", "no such file") from None
     except (gzip.BadGzipFile, zlib.error) as error:
         raise InputError(path, "", f"is no sound gzip file: {error}") from error
     except (OSError, ValueError) as error:
-        problem = getattr(error, "strerror", None) or error
-        raise InputError(path, "", f"cannot be read: {problem}") from error
+        raise InputError(path, "", unreadable(error)) from error
     if not data:
         raise InputError(path, "", "is empty, must be a recording")
     if len(data) > _MAX_BYTES:
@@ -250,7 +245,7 @@ def _content(path: str) -> tuple[bytes, bool]:
     return data, whole
 
 
-def _read(stream: io.BufferedIOBase) -> tuple[bytes, bool]:
+def _read(stream: io.BufferedReader | gzip.GzipFile) -> tuple[bytes, bool]:
     """The content of a stream, up to the limit; False where a packed one is cut short."""
     content = io.BytesIO()
     try:

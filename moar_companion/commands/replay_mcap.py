@@ -17,6 +17,7 @@ from mcap.records import Channel, Header, Message
 from mcap.stream_reader import StreamReader
 
 from ..errors import InputError
+from ..input_file import open_file, unreadable
 from ..mavlink.codec import Codec
 from ..outlets.recorded_files import part_name
 from ..recording.calls import arguments_decoded
@@ -48,12 +49,12 @@ class McapRecording:
         found = False
         for path in self._parts():
             try:
-                with path.open("rb") as file:
+                with open_file(path) as file:
                     for cycle in self._cycles_of(StreamReader(file)):
                         found = True
                         yield cycle
             except OSError as error:
-                raise InputError(str(path), "", f"cannot be read: {error.strerror}") from error
+                raise InputError(str(path), "", unreadable(error)) from error
         if not found:
             raise InputError(self.path, "", f"has no {CALLS}, must be this program's recording")
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError, LinkError
+from ..input_file import open_file, unreadable
 from ..mavlink.link_basics import reason
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
@@ -162,10 +163,11 @@ def tried(settings: Perception, source: str, *, port: bool = True) -> str:
 
 def _read_json(file: Path) -> str:
     try:
-        text = file.read_text()
+        with open_file(file) as stream:
+            text = stream.read().decode()
         json.loads(text)
     except OSError as error:
-        raise InputError(str(file), "", f"cannot be read: {error.strerror}") from error
+        raise InputError(str(file), "", unreadable(error)) from error
     except ValueError as error:
         raise InputError(str(file), "", "is no JSON") from error
     return text

@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from ..config import CompanionConfig
+from ..input_file import open_file
 from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing, timestamp_at
 from ..outlets.background_writer import BackgroundWriter, Batches
 from .directories import state_folder
@@ -141,7 +142,7 @@ def _plausible(references: Mapping[str, int], wall_s: float, path: Path) -> dict
 def _kept(path: Path) -> _File | None:
     """Returns the content of a file; None if there is none. Logs an unusable file."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             return _FILE.validate_json(file.read(_LONGEST_BYTES), strict=True)
     except FileNotFoundError:
         pass

@@ -21,6 +21,7 @@ from pydantic import TypeAdapter
 
 from .. import service_texts
 from ..companion.mission_snapshot import MissionSnapshot
+from ..input_file import open_file
 from ..outlets.background_writer import BackgroundWriter, Batches
 from ..safety.file_faults import FileFault, words
 
@@ -72,7 +73,7 @@ class SnapshotFile:
         clock_offset_s: wall clock minus the machine's clock, now.
         """
         try:
-            with self._path.open("rb") as file:
+            with open_file(self._path) as file:
                 return decoded(file.read(_LONGEST_BYTES), clock_offset_s)
         except FileNotFoundError:
             return None
