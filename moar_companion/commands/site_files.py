@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..input_file import open_file, unreadable
 from .options import add_file, file_name, number, numbers, refused, require
 from .outputs import check_outputs, print_text, report_compiling, write_output
 
@@ -70,6 +71,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.5,
         help="kept from conductors beyond the vehicle's distances, in m: sag changes with current "
         "and temperature (default: 0.5)",
+    )
+    made.add_argument(
+        "--reach",
+        metavar="M",
+        type=_length("--reach", 100_000.0),
+        default=500.0,
+        help="from-map: greatest distance from the target, and between points of a conductor, in m "
+        "(default: 500)",
     )
     shown = parser.add_argument_group("show")
     add_file(shown, "--kml", "write site and paths as KML")
@@ -141,11 +150,7 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
         f"{each.sigma_m:.2f} m, confidence {each.confidence:.2f}\n"
         for name, each in section.conductors.items()
     )
-    frame = section.document["frame"]
-    plane = (
-        f"the plane: x = 0 at {frame['origin']['latitude_deg']:.6f}, "
-        f"{frame['origin']['longitude_deg']:.6f}, x to {frame['azimuth_deg']:.0f} deg\n"
-    )
+    plane = _plane_text(section.document)
     notes = "".join(f"note: {note}\n" for note in (*section.notes, *height_notes(cloud)))
     print_text(
         f"{len(section.conductors)} conductors cross the plane:\n{rows}{plane}{notes}{_next(out)}"
@@ -163,15 +168,17 @@ def _from_map(arguments: argparse.Namespace) -> int:
     if ending not in _MAPS:
         raise InputError(arguments.file, "", f"must end in one of {', '.join(_MAPS)}")
     try:
-        text = Path(arguments.file).read_text(encoding="utf-8-sig")
+        with open_file(arguments.file) as file:
+            text = file.read().decode("utf-8-sig")
     except OSError as error:
-        raise InputError(arguments.file, "", str(error.strerror)) from None
+        raise InputError(arguments.file, "", unreadable(error)) from None
     except UnicodeDecodeError:
         raise InputError(arguments.file, "", "is no text in UTF-8") from None
     options = SiteOptions(
         name=arguments.name or Path(arguments.file).stem,
         standoff_m=arguments.standoff,
         keep_out_m=arguments.keep_out,
+        reach_m=arguments.reach,
     )
     drawn = site_of_features(features_of(text, arguments.file, ending), arguments.file, options)
 
@@ -182,7 +189,10 @@ def _from_map(arguments: argparse.Namespace) -> int:
         view = SurveyView(document=drawn.document, marks=drawn.marks)
         draw_survey(view, stream, _format(arguments.plot))
 
-    left_out = tuple(f"left out: {each}" for each in drawn.left_out)
+    lines = (
+        *(f"  {each}" for each in drawn.distances),
+        *(f"left out: {each}" for each in drawn.left_out),
+    )
     remarks = (f"From the points in {Path(arguments.file).name}.",)
     failures = [
         _written(out, drawn.document, remarks),
@@ -192,8 +202,19 @@ def _from_map(arguments: argparse.Namespace) -> int:
         f"{len(drawn.document[key])} {key if len(drawn.document[key]) != 1 else key[:-1]}"
         for key in ("obstacles", "targets")
     )
-    print_text("".join(f"{line}\n" for line in (counts, *left_out)) + _next(out))
+    plane = _plane_text(drawn.document)
+    print_text(f"{counts}\n{plane}" + "".join(f"{line}\n" for line in lines) + _next(out))
     return _finished(failures, out)
+
+
+def _plane_text(document: dict[str, Any]) -> str:
+    """A line with place and direction of the plane."""
+    frame = document["frame"]
+    origin = frame["origin"]
+    return (
+        f"the plane: x = 0 at {origin['latitude_deg']:.6f}, {origin['longitude_deg']:.6f} "
+        f"(latitude, longitude), x to {frame['azimuth_deg']:.0f} deg\n"
+    )
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -331,11 +352,11 @@ def _port(text: str) -> int:
     return int(text)
 
 
-def _length(option: str) -> Callable[[str], float]:
+def _length(option: str, most_m: float = 100.0) -> Callable[[str], float]:
     def parse(text: str) -> float:
         value = number(text)
-        if value is None or not 0.0 < value <= 100.0:
-            raise refused(option, text, "must be a number of metres in (0, 100]")
+        if value is None or not 0.0 < value <= most_m:
+            raise refused(option, text, f"must be a number of metres in (0, {most_m:.0f}]")
         return value
 
     return parse

@@ -43,6 +43,8 @@ class DrawnSite:
 
     document: Document
     marks: tuple[SurveyMark, ...]
+    distances: tuple[str, ...]
+    """Distances of the start and the landing places from the target, as lines of text."""
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -68,6 +70,8 @@ def site_of_features(
     def metres(feature: MapFeature) -> FloatArray:
         return np.array([_metres(map_frame, point) for point in feature.points])
 
+    for each in features:
+        _check_reach(each, metres(each), source, options.reach_m)
     direction = _direction(of["conductor"], source, metres)
     across = np.array([direction[1], -direction[0]])
     if across[0] < 0.0:
@@ -152,7 +156,27 @@ def site_of_features(
         )
         for each in features
     )
-    return DrawnSite(document=document, marks=marks)
+    distances = tuple(
+        f"{kind} {each.name}: {math.hypot(x, y):.1f} m from {of['target'][0].name}, "
+        f"{z:+.1f} m in height, {abs(y):.1f} m beside the plane"
+        for kind in ("start", "exit", "evacuation")
+        for each in of[kind]
+        for x, y, z in (_plane(metres(each)[0], across, along),)
+    )
+    return DrawnSite(document=document, marks=marks, distances=distances)
+
+
+def _check_reach(feature: MapFeature, points_m: FloatArray, source: str, reach_m: float) -> None:
+    """Raises InputError for a point far from the target, or from the conductor's next one."""
+    wrong = "are latitude and longitude in the wrong order? --reach M permits more"
+    away_m = float(np.hypot(*points_m[:, :2].T).min())
+    if away_m > reach_m:
+        problem = f"is {away_m:.0f} m from the target, must be within {reach_m:g} m: {wrong}"
+        raise InputError(source, feature.name, problem)
+    apart_m = np.hypot(*np.diff(points_m[:, :2], axis=0).T)
+    if feature.kind == "conductor" and apart_m.max(initial=0.0) > reach_m:
+        problem = f"has points {apart_m.max():.0f} m apart, must be at most {reach_m:g} m: {wrong}"
+        raise InputError(source, feature.name, problem)
 
 
 def _metres(frame: SiteFrame, point: GeodeticPoint) -> tuple[float, float, float]:

@@ -38,6 +38,9 @@ class SiteOptions:
     keep_out_m: float = 0.5
     """Keep-out beyond three standard deviations of a conductor's place. Sag changes with current
     and temperature, and the survey's own position has an error of decimetres."""
+    reach_m: float = 500.0
+    """Greatest distance of points on a map from the target, and between points of a conductor:
+    farther ones are mistakes, such as latitude and longitude in the wrong order."""
 
 
 def site_document(
