@@ -16,10 +16,18 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
-from .catenary import Catenary, fit, wires_of
+from .catenary import Catenary, fit
+from .local_lines import local_lines, thinned
+from .wire_groups import Rough, WireGroup, owners, wire_groups
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+
+_GAP, _MOST_IN_GAP = 1.6, 0.25
+"""Radius of the gap around a wire over the wire's, and the greatest number of points in the gap per
+point of the wire; the edge of a roof has 0.4, leaves have 1.5."""
+_PARALLEL_COSINE = math.cos(math.radians(15.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +94,8 @@ def find_conductors(
     height_m: (n,) height of the points above the ground.
     """
     high = np.flatnonzero(height_m >= settings.least_height_m)
+    if not len(high):
+        return ()
     return _Search(points_m, high, settings).run()
 
 
@@ -95,76 +105,68 @@ class _Search:
     def __init__(self, points_m: FloatArray, high: IntArray, settings: DetectorSettings) -> None:
         self._settings = settings
         self._random = np.random.default_rng(settings.seed)
-        self._centre = points_m[high].mean(axis=0) if len(high) else np.zeros(3)
+        self._centre = points_m[high].mean(axis=0)
         self._all_m = points_m[high] - self._centre
         self._high = high
-        self._points_m = _thinned(self._all_m, settings.voxel_m)
+        self._points_m = thinned(self._all_m, settings.voxel_m)
         self._free = np.ones(len(self._points_m), dtype=bool)
-        self._tree = KDTree(self._points_m) if len(self._points_m) else None
+        self._tree = KDTree(self._points_m)
+        self._lines = local_lines(
+            self._points_m,
+            self._tree,
+            self._random,
+            neighbourhood_m=settings.neighbourhood_m,
+            max_width=settings.max_width,
+            bundle_radius_m=settings.bundle_radius_m,
+        )
 
     def run(self) -> tuple[DetectedConductor, ...]:
-        if self._tree is None:
-            return ()
         curves = self._curves()
-        curves += self._parallel(curves)
-        curves = self._merged(curves)
-        return self._detected(curves)
+        return self._detected(self._merged(curves + self._parallel(curves)))
 
     # --- lines
 
-    def _curves(self) -> list[Catenary]:
-        directions, widths = self._local_lines()
+    def _curves(self) -> list[Rough]:
+        """Conductors by lines; first the wires that have others close beside them."""
+        found: list[Rough] = []
         steepest = math.sin(math.radians(self._settings.max_slope_deg))
-        line_like = (widths <= self._settings.max_width) & (abs(directions[:, 2]) <= steepest)
-        candidate = line_like.copy()
-        curves: list[Catenary] = []
-        while candidate.sum() >= self._settings.least_points // 2:
-            line = self._best_line(np.flatnonzero(candidate), directions)
+        flat = abs(self._lines.directions[:, 2]) <= steepest
+        for radius_m in np.unique(self._lines.radius_m[self._lines.radius_m > 0.0]):
+            candidate = flat & self._free & (self._lines.radius_m == radius_m)
+            self._search(found, candidate, float(radius_m))
+        return found
+
+    def _search(self, found: list[Rough], candidate: BoolArray, radius_m: float) -> None:
+        """Adds the conductors with their points within a radius, of lines through candidates."""
+        while candidate.any():
+            line = self._best_line(np.flatnonzero(candidate), radius_m)
             if line is None:
-                break
+                return
             at, along = line
-            near = self._within(at, along)
-            curve = self._grown(near, along) if len(near) >= 4 else None
-            if curve is not None and self._is_conductor(curve):
-                curves.append(curve)
-                taken = self._on(curve, self._settings.bundle_radius_m)
+            near = self._within(at, along, radius_m)
+            beside = len(self._within(at, along, _GAP * radius_m)) - len(near)
+            is_row = len(near) >= 4 and beside <= 2.0 * _MOST_IN_GAP * len(near)
+            rough = self._grown(near, along, radius_m) if is_row else None
+            if rough is not None and self._is_conductor(rough):
+                found.append(rough)
+                taken = self._on(rough)
                 self._free[taken] = False
                 candidate[taken] = False
             candidate[near] = False
-        return curves
-
-    def _local_lines(self) -> tuple[FloatArray, FloatArray]:
-        """Direction (n, 3) of each point's neighbourhood, and its width over its length."""
-        count = len(self._points_m)
-        assert self._tree is not None
-        directions = np.zeros((count, 3))
-        widths = np.ones(count)
-        padded = np.vstack((self._points_m, np.full((1, 3), np.nan)))
-        for part in np.array_split(np.arange(count), max(1, count // 20_000)):
-            _, neighbours = self._tree.query(
-                self._points_m[part], k=24, distance_upper_bound=self._settings.neighbourhood_m
-            )
-            around = padded[neighbours]
-            known = (neighbours < count).sum(axis=1)
-            offset = around - np.nanmean(around, axis=1, keepdims=True)
-            offset = np.nan_to_num(offset)
-            spread = np.einsum("nki,nkj->nij", offset, offset)
-            values, vectors = np.linalg.eigh(spread)
-            directions[part] = vectors[:, :, 2]
-            width = np.sqrt(np.maximum(values[:, 1], 0.0) / np.maximum(values[:, 2], 1e-12))
-            widths[part] = np.where(known >= 5, width, 1.0)
-        return directions, widths
 
     def _best_line(
-        self, candidates: IntArray, directions: FloatArray
+        self, candidates: IntArray, radius_m: float
     ) -> tuple[FloatArray, FloatArray] | None:
         """RANSAC: the line through two points, along both neighbourhoods, with most support."""
         points = self._points_m[candidates]
+        seed_radius_m = min(self._settings.seed_radius_m, radius_m)
         chosen = self._random.choice(len(candidates), size=self._settings.hypotheses, replace=True)
         first = points[chosen]
-        along = directions[candidates[chosen]]
+        along = self._lines.directions[candidates[chosen]]
         # Second point of each pair: one in the window, as far along the direction of the first.
         best, support = None, self._settings.least_points // 2 - 1
+        if radius_m < self._settings.bundle_radius_m:
+            support = self._settings.least_points - 1
         tree = KDTree(points)
         for at, tangent, near in zip(
             first, along, tree.query_ball_point(first, self._settings.window_m), strict=True
@@ -182,47 +184,46 @@ class _Search:
                 line = offset[partner] / math.sqrt(float(offset[partner] @ offset[partner]))
                 run = offset @ line
                 miss = np.sqrt(np.maximum((offset**2).sum(axis=1) - run**2, 0.0))
-                count = int((miss <= self._settings.seed_radius_m).sum())
+                count = int((miss <= seed_radius_m).sum())
                 if count > support:
                     best, support = (at, line), count
         return best
 
-    def _within(self, at: FloatArray, along: FloatArray) -> IntArray:
+    def _within(self, at: FloatArray, along: FloatArray, radius_m: float) -> IntArray:
         """Free points in the cylinder of a line."""
-        assert self._tree is not None
         near = np.array(self._tree.query_ball_point(at, self._settings.window_m), dtype=np.intp)
         near = near[self._free[near]]
         offset = self._points_m[near] - at
         run = offset @ along
         miss = np.sqrt(np.maximum((offset**2).sum(axis=1) - run**2, 0.0))
-        return np.asarray(near[miss <= self._settings.seed_radius_m])
+        return np.asarray(near[miss <= min(self._settings.seed_radius_m, radius_m)])
 
     # --- catenaries
 
-    def _grown(self, near: IntArray, along: FloatArray) -> Catenary | None:
+    def _grown(self, near: IntArray, along: FloatArray, radius_m: float) -> Rough | None:
         """The catenary of a line's points, extended at both ends as long as points lie on it."""
         direction = along[:2] / np.hypot(*along[:2])
-        curve = fit(self._points_m[near], direction)
+        rough = Rough(fit(self._points_m[near], direction), radius_m)
         done_m = 0.0
         for _ in range(60):
-            reach_m = max(self._settings.gap_m, min(0.3 * curve.length_m, 40.0))
-            inliers = self._inliers(curve, reach_m, self._settings.gap_m)
+            reach_m = max(self._settings.gap_m, min(0.3 * rough.curve.length_m, 40.0))
+            inliers = self._inliers(rough, reach_m, self._settings.gap_m)
             if len(inliers) < 4:
                 return None
-            curve = fit(self._points_m[inliers], curve.direction)
-            if curve.length_m < done_m + 0.5:
-                return curve
-            done_m = curve.length_m
-        return curve
+            rough = Rough(fit(self._points_m[inliers], rough.curve.direction), radius_m)
+            if rough.curve.length_m < done_m + 0.5:
+                return rough
+            done_m = rough.curve.length_m
+        return rough
 
-    def _inliers(self, curve: Catenary, reach_m: float, gap_m: float) -> IntArray:
+    def _inliers(self, rough: Rough, reach_m: float, gap_m: float) -> IntArray:
         """Free points on the curve, up to `reach_m` beyond its ends, up to the first gap."""
-        on = self._on(curve, self._settings.bundle_radius_m, reach_m)
+        on = self._on(rough, reach_m)
         on = on[self._free[on]]
-        along = curve.coordinates(self._points_m[on])[:, 0]
+        along = rough.curve.coordinates(self._points_m[on])[:, 0]
         order = np.argsort(along)
         on, along = on[order], along[order]
-        middle = float(np.mean(curve.extent_m))
+        middle = float(np.mean(rough.curve.extent_m))
         gaps = np.flatnonzero(np.diff(along) > gap_m)
         below = gaps[along[gaps] < middle]
         above = gaps[along[gaps] >= middle]
@@ -230,47 +231,56 @@ class _Search:
         last = above[0] + 1 if len(above) else len(on)
         return on[first:last]
 
-    def _on(self, curve: Catenary, radius_m: float, reach_m: float = 1.0) -> IntArray:
-        """Points of the search within a radius of the curve."""
-        coordinates = curve.coordinates(self._points_m)
-        return np.flatnonzero(curve.near(coordinates, radius_m, reach_m))
+    def _on(self, rough: Rough, reach_m: float = 1.0) -> IntArray:
+        """Points of the search within the radius of the curve."""
+        coordinates = rough.curve.coordinates(self._points_m)
+        return np.flatnonzero(rough.curve.near(coordinates, rough.radius_m, reach_m))
 
-    def _is_conductor(self, curve: Catenary) -> bool:
+    def _is_conductor(self, rough: Rough) -> bool:
+        curve = rough.curve
         if curve.length_m < self._settings.least_length_m:
             return False
-        on = self._on(curve, self._settings.bundle_radius_m)
-        if len(on) < self._settings.least_points:
+        count = len(self._on(rough))
+        if count < self._settings.least_points:
             return False
+        if rough.radius_m < self._settings.bundle_radius_m:
+            beside = len(self._on(Rough(curve, _GAP * rough.radius_m))) - count
+            if beside > _MOST_IN_GAP * count:
+                return False
         sags_upwards = curve.vertical[2] + 3.0 * math.sqrt(curve.covariance[5, 5]) < 0.0
         return not sags_upwards and self._hangs_free(curve)
 
     def _hangs_free(self, curve: Catenary) -> bool:
-        """Returns True if few other points lie close around, along most of the curve."""
+        """Returns True if few other points lie close around, along most of the curve.
+
+        Points on lines parallel to it are those of other wires.
+        """
         coordinates = curve.coordinates(self._points_m)
-        near = coordinates[curve.near(coordinates, 1.5, 0.0)]
-        distance = np.hypot(*curve.residuals(near).T)
-        own = distance <= self._settings.bundle_radius_m
+        around = curve.near(coordinates, 1.5, 0.0)
+        near = coordinates[around]
+        own = np.hypot(*curve.residuals(near).T) <= self._settings.bundle_radius_m
+        other = ~own & ~self._lines.parallel(curve.direction, _PARALLEL_COSINE)[around]
         edges = np.arange(curve.extent_m[0], curve.extent_m[1] + 4.0, 4.0)
         own_count, _ = np.histogram(near[own, 0], edges)
-        other_count, _ = np.histogram(near[~own, 0], edges)
+        other_count, _ = np.histogram(near[other, 0], edges)
         crowded = other_count > own_count
         return float(crowded.mean()) < 0.4
 
-    def _parallel(self, curves: list[Catenary]) -> list[Catenary]:
+    def _parallel(self, roughs: list[Rough]) -> list[Rough]:
         """Sparse wires parallel to found conductors, as earth wires are: their shape, shifted."""
-        found: list[Catenary] = []
-        for curve in sorted(curves, key=lambda curve: -curve.length_m):
+        found: list[Rough] = []
+        radius_m = self._settings.bundle_radius_m
+        for curve, _ in sorted(roughs, key=lambda rough: -rough.curve.length_m):
             for candidate in self._shifted(curve):
-                grown = fit(self._points_m[candidate], curve.direction)
+                grown = Rough(fit(self._points_m[candidate], curve.direction), radius_m)
                 gap_m = self._settings.sparse_gap_m
-                on = self._inliers(grown, gap_m, gap_m)
-                on = self._beside(curve, on)
+                on = self._beside(curve, self._inliers(grown, gap_m, gap_m))
                 if len(on) < self._settings.least_points:
                     continue
-                grown = fit(self._points_m[on], curve.direction)
-                if self._is_conductor(grown) and grown.length_m > 0.4 * curve.length_m:
+                grown = Rough(fit(self._points_m[on], curve.direction), radius_m)
+                if self._is_conductor(grown) and grown.curve.length_m > 0.4 * curve.length_m:
                     found.append(grown)
-                    self._free[self._on(grown, self._settings.bundle_radius_m)] = False
+                    self._free[self._on(grown)] = False
         return found
 
     def _beside(self, curve: Catenary, points: IntArray) -> IntArray:
@@ -307,10 +317,10 @@ class _Search:
 
     # --- from curves to conductors
 
-    def _merged(self, curves: list[Catenary]) -> list[Catenary]:
-        """The curves, with the pieces of one conductor of one span joined."""
-        pieces = sorted(curves, key=lambda curve: -curve.length_m)
-        merged: list[Catenary] = []
+    def _merged(self, roughs: list[Rough]) -> list[Rough]:
+        """The conductors, with the pieces of one conductor of one span joined."""
+        pieces = sorted(roughs, key=lambda rough: -rough.curve.length_m)
+        merged: list[Rough] = []
         for piece in pieces:
             for index, other in enumerate(merged):
                 joined = self._joined(other, piece)
@@ -321,52 +331,46 @@ class _Search:
                 merged.append(piece)
         return merged
 
-    def _joined(self, first: Catenary, second: Catenary) -> Catenary | None:
-        samples = second.points_at(np.linspace(*second.extent_m, 12))
-        distance = np.hypot(*first.residuals(first.coordinates(samples)).T)
-        if float(np.median(distance)) > 2.0 * self._settings.bundle_radius_m:
+    def _joined(self, first: Rough, second: Rough) -> Rough | None:
+        samples = second.curve.points_at(np.linspace(*second.curve.extent_m, 12))
+        coordinates = first.curve.coordinates(samples)
+        distance = np.hypot(*first.curve.residuals(coordinates).T)
+        radius_m = max(first.radius_m, second.radius_m)
+        # Side by side they are two wires, unless they are parts of a bundle.
+        apart = coordinates[:, 0].max() < first.curve.extent_m[0]
+        apart |= coordinates[:, 0].min() > first.curve.extent_m[1]
+        alone = min(first.radius_m, second.radius_m) == self._settings.bundle_radius_m
+        if float(np.median(distance)) > (2.0 * radius_m if apart or alone else radius_m):
             return None
-        both = np.union1d(
-            self._on(first, self._settings.bundle_radius_m),
-            self._on(second, self._settings.bundle_radius_m),
-        )
-        curve = fit(self._points_m[both], first.direction)
-        miss = np.hypot(*curve.residuals(curve.coordinates(self._points_m[both])).T)
-        good = float((miss <= self._settings.bundle_radius_m).mean()) > 0.95
-        return curve if good else None
+        both = np.union1d(self._on(first), self._on(second))
+        joined = Rough(fit(self._points_m[both], first.curve.direction), radius_m)
+        residuals = joined.curve.residuals(joined.curve.coordinates(self._points_m[both]))
+        good = float((np.hypot(*residuals.T) <= radius_m).mean()) > 0.95
+        return joined if good else None
 
-    def _detected(self, curves: list[Catenary]) -> tuple[DetectedConductor, ...]:
-        owner = np.full(len(self._all_m), -1)
-        distance_of = np.full(len(self._all_m), np.inf)
-        refined: list[tuple[Catenary, tuple[Catenary, ...], float]] = []
-        for number, rough in enumerate(curves):
-            coordinates = rough.coordinates(self._all_m)
-            on = np.flatnonzero(rough.near(coordinates, self._settings.bundle_radius_m, 1.0))
-            curve, wires, sigma = wires_of(self._all_m[on], rough)
-            refined.append((curve, wires, sigma))
-            radius_m = min(max(4.0 * sigma, 0.12), 0.4)
-            for wire in wires:
-                at = wire.coordinates(self._all_m)
-                near = np.flatnonzero(wire.near(at, radius_m, 1.0))
-                distance = np.hypot(*wire.residuals(at[near]).T)
-                nearer = distance < distance_of[near]
-                owner[near[nearer]] = number
-                distance_of[near[nearer]] = distance[nearer]
+    def _detected(self, roughs: list[Rough]) -> tuple[DetectedConductor, ...]:
+        roughs = sorted(roughs, key=lambda rough: -len(self._on(rough)))
+        groups = wire_groups(self._all_m, roughs)
+        owner = owners(self._all_m, groups)
         found = []
-        for number, (curve, wires, sigma) in enumerate(refined):
+        for number, group in enumerate(groups):
             inliers = np.flatnonzero(owner == number)
-            if len(inliers) < self._settings.least_points or sigma > self._settings.max_sigma_m:
+            few = len(inliers) < self._settings.least_points
+            if few or group.sigma_m > self._settings.max_sigma_m:
                 continue
-            conductor = self._conductor(curve, wires, sigma, inliers)
+            others = (owner >= 0) & (owner != number)
+            conductor = self._conductor(group, inliers, others)
             if conductor.confidence >= self._settings.least_confidence:
                 found.append(conductor)
         return tuple(sorted(found, key=lambda each: -len(each.inliers)))
 
     def _conductor(
-        self, curve: Catenary, wires: tuple[Catenary, ...], sigma: float, inliers: IntArray
+        self, group: WireGroup, inliers: IntArray, others: BoolArray
     ) -> DetectedConductor:
+        """others: mask of the points of other conductors."""
+        curve = group.curve
         coordinates = curve.coordinates(self._all_m)
-        around = curve.near(coordinates, 1.5, 0.0)
+        around = curve.near(coordinates, 1.5, 0.0) & ~others
         along = np.sort(coordinates[inliers, 0])
         window_m = max(2.0, 3.0 * float(np.median(np.diff(along))))
         bins = max(1, math.ceil(curve.length_m / window_m))
@@ -374,26 +378,12 @@ class _Search:
         own = around[inliers].sum()
         return DetectedConductor(
             curve=_moved(curve, self._centre),
-            wires=tuple(_moved(wire, self._centre) for wire in wires),
+            wires=tuple(_moved(wire, self._centre) for wire in group.wires),
             inliers=self._high[inliers],
-            sigma_m=sigma,
+            sigma_m=group.sigma_m,
             covered=float((reached > 0).mean()),
             clear=float(own / max(int(around.sum()), 1)),
         )
-
-
-def _thinned(points_m: FloatArray, voxel_m: float) -> FloatArray:
-    """One point of each voxel: the first."""
-    voxels = (
-        np.floor((points_m - points_m.min(axis=0)) / voxel_m).astype(np.int64)
-        if len(points_m)
-        else np.zeros((0, 3), dtype=np.int64)
-    )
-    sizes = voxels.max(axis=0) + 1 if len(voxels) else np.ones(3, dtype=np.int64)
-    _, first = np.unique(
-        (voxels[:, 0] * sizes[1] + voxels[:, 1]) * sizes[2] + voxels[:, 2], return_index=True
-    )
-    return points_m[np.sort(first)]
 
 
 def _moved(curve: Catenary, by_m: FloatArray) -> Catenary:
