@@ -8,9 +8,12 @@ from typing import Any
 from ...operator import Manner
 from .table import kind
 
-OPTIONS: dict[str, dict[str, Any]] = {"4.6": {}, "4.7": {}}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "4.6": {"firmware": (4, 6, 3)},
+    "4.7": {"firmware": (4, 7, 1)},
+}
 """Options of the fake autopilot with the names of this ArduPilot."""
-BRAKING = {"4.6": ("WPNAV_ACCEL", 100.0), "4.7": ("WPNAV_ACCEL", 100.0)}
+BRAKING = {"4.6": ("WPNAV_ACCEL", 100.0), "4.7": ("WP_ACC", 1.0)}
 """Name of the level acceleration, and its value for 1 m/s²."""
 
 
