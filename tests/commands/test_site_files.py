@@ -305,8 +305,9 @@ def test_a_map_gives_a_picture_of_its_survey_and_reports_the_parts_left_out(tmp_
     drawn.write_text("\n".join([header, *rows]))
     assert run("from-map", drawn, "--out", out, "--plot", plot) == 0
     reported = capsys.readouterr().out.splitlines()
-    assert reported[:2] == ["1 obstacle, 1 target", "left out: tower T2, 33 m from the plane"]
-    assert len(reported) == 3
+    assert reported[0] == "1 obstacle, 1 target"
+    assert reported[2] == "left out: tower T2, 33 m from the plane"
+    assert len(reported) == 4
     red = abs(imread(plot)[..., :3] - np.array((0xA3, 0x27, 0x1B)) / 255.0).max(axis=2) < 0.02
     plan_view = red[: len(red) // 3]
     assert plan_view.sum() > 20
