@@ -1,6 +1,7 @@
-"""Legs from a place where no path can begin to a free cell: the escape leg and the recovery leg.
+"""Legs to a free cell without a plan: the escape leg, the recovery leg and the refuge leg.
 
-A gust, a low take-off, a pilot or a new obstacle can bring the vehicle to such a place.
+A gust, a low take-off, a pilot or a new obstacle can bring the vehicle to a place where no path can
+begin.
 
 The escape leg is the shortest straight one to a free cell along which the clearance never
 decreases. It enters no keep-out. If it begins in a keep-out, it comes no nearer to that obstacle.
@@ -8,6 +9,9 @@ decreases. It enters no keep-out. If it begins in a keep-out, it comes no nearer
 The recovery leg leads back a vehicle that is outside the workspace or too low: first straight up to
 the minimum altitude, then by the shortest straight leg to a free cell. It enters no keep-out. Both
 may begin outside the autopilot's fence, and never lead out of it.
+
+The refuge leg leads a vehicle from anywhere to the nearest free cell where a threat does no harm: a
+position error, or a landing by the autopilot itself.
 """
 
 from __future__ import annotations
@@ -33,6 +37,8 @@ _REACH_M = 10.0
 """Longest leg: an aircraft farther from any free cell is not near the structure."""
 _BATCH = 64
 """Number of legs checked together, the shortest first."""
+_REFUGE_M = 30.0
+"""Longest leg to a refuge: the width of the shipped sites."""
 
 
 def entry_corners(
@@ -131,6 +137,39 @@ def recovery_leg(
             return (end_m,) if end_m == corner_m else (corner_m, end_m)
     end_m = end_from(start)
     return () if end_m is None else (end_m,)
+
+
+def refuge_leg(
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+    start_m: PlanePoint,
+    spare_m: FloatArray,
+    widened_m: float = 0.0,
+    longest_m: float = np.inf,
+) -> PlanePoint | None:
+    """The centre of the free cell at the end of the refuge leg; None if there is no such leg.
+
+    spare_m: (nx, nz), tolerance of each cell beyond its need. Of the cells with a straight leg the
+    nearest without a negative value is taken; where all are negative, that of the greatest. The leg
+    keeps every keep-out and widened_m; where it begins nearer, it comes no nearer to that obstacle.
+    """
+    start, obstacles = np.array(start_m, dtype=np.float64), rings(site.obstacles)
+    least_m = np.minimum(
+        obstacles[-1] + vehicle.radius_m + maps.position_uncertainty_m + widened_m,
+        _clear_m(obstacles, start[None], start)[0],
+    )
+    free = ~maps.occupied
+    centres, lacking_m = _centres_m(maps, free, None), np.maximum(0.0, -spare_m[free])
+    far_m = np.hypot(*(centres - start).T)
+    order = np.lexsort((far_m, lacking_m))
+    order = order[far_m[order] <= min(longest_m, _REFUGE_M)]
+    for begin in range(0, len(order), _BATCH):
+        batch_m = centres[order[begin : begin + _BATCH]]
+        for end_m in batch_m[_kept(obstacles, least_m, batch_m, start)]:
+            if _stays_inside(maps.fence, _samples(maps, start, end_m)):
+                return _point(end_m)
+    return None
 
 
 def pocket(maps: Maps, place_m: PlanePoint) -> BoolArray:

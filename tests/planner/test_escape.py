@@ -10,8 +10,15 @@ import pytest
 import shapely
 from shapely.geometry import Point
 
-from moar_companion.planner.escape import entry_corners, escape_leg, pocket, recovery_leg
+from moar_companion.planner.escape import (
+    entry_corners,
+    escape_leg,
+    pocket,
+    recovery_leg,
+    refuge_leg,
+)
 from moar_companion.planner.maps import build_maps
+from moar_companion.planner.plane_fence import Bound, PlaneFence
 
 from . import oracle
 from .problems import conductor, make_site, make_vehicle, polygon, random_problem
@@ -214,3 +221,57 @@ def test_a_pocket_is_the_cells_joined_by_edges_and_no_leg_ends_in_a_barred_pocke
     (end,) = entry_corners(site, vehicle, maps, (4.2, 10.0))
     assert end[0] < 4.0
     assert entry_corners(site, vehicle, maps, (4.2, 10.0), barred=left) == ((5.5, 7.5),)
+
+
+def spare_of(maps, tolerated):
+    """(nx, nz) by a function of the place."""
+    x_m, z_m = maps.grid.axes_m
+    return np.array([[tolerated((x, z)) for z in z_m] for x in x_m])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_refuge_is_the_nearest_place_that_tolerates_enough(seed):
+    """Against every free cell by itself, with exact distances."""
+    generator = random.Random(seed)
+    problem = random_problem(generator)
+    site, vehicle = problem.site, problem.vehicle
+    maps = build_maps(site, vehicle)
+    (low_x, low_z), (high_x, high_z) = site.workspace.lower_m, site.workspace.upper_m
+    start = generator.uniform(low_x, high_x), generator.uniform(low_z, high_z)
+    needed_m = generator.uniform(0.0, 4.0)
+    spare_m = spare_of(maps, lambda place: clearance(site, place) - needed_m)
+    end = refuge_leg(site, vehicle, maps, start, spare_m)
+    x_m, z_m = maps.grid.axes_m
+    open_to = [
+        (max(0.0, -spare_m[ix, iz]), math.dist(start, (x_m[ix], z_m[iz])), ix, iz)
+        for ix, iz in np.argwhere(~maps.occupied)
+        if not enters_keep_out(site, vehicle, start, (x_m[ix], z_m[iz]), -1e-9)
+    ]
+    if end is None:
+        assert not open_to
+        return
+    assert not enters_keep_out(site, vehicle, start, end, 1e-6)
+    ix, iz = maps.grid.cell_of(end)
+    found = max(0.0, -spare_m[ix, iz]), math.dist(start, end)
+    if open_to:
+        assert found <= (min(open_to)[0] + 1e-6, min(open_to)[1] + 1e-6)
+
+
+def test_a_refuge_leg_comes_no_nearer_to_the_obstacle_that_it_leaves():
+    site = make_site(conductor(4.5, 4.5, 0.1))
+    vehicle = make_vehicle(radius=0.5)
+    maps = build_maps(site, vehicle)
+    spare_m = spare_of(maps, lambda place: clearance(site, place) - 2.5)
+    start = (5.3, 4.4)
+    end = refuge_leg(site, vehicle, maps, start, spare_m, widened_m=2.0)
+    assert clearance(site, end) >= 2.5
+    assert not falls(site, start, end, 200, 1e-6)
+
+
+def test_a_refuge_leg_stays_inside_the_fence():
+    site, vehicle = make_site(conductor(4.5, 4.5, 0.1)), make_vehicle(radius=0.5)
+    fence = PlaneFence(bounds=(Bound(name="west", x_m=((-1.0, 5.9),)),), margin_m=0.0)
+    maps = build_maps(site, vehicle, fence=fence)
+    spare_m = spare_of(maps, lambda place: clearance(site, place) - 2.5)
+    end = refuge_leg(site, vehicle, maps, (5.4, 4.5), spare_m)
+    assert end[0] < 5.9
