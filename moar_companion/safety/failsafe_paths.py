@@ -8,14 +8,14 @@ why a flight should not be flown.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..autopilots.failsafe_actions import AutopilotAction, FailsafeAction, Failsafes, ReturnHeight
 from ..autopilots.offboard_loss import OffboardLoss
 from ..planner.free_distance import FreeDistance
-from ..planner.grid import BoolArray, FloatArray, IntArray
+from ..planner.grid import TOLERANCE, BoolArray, FloatArray, IntArray
 from ..types import Vector
 
 _LEAST_M = 1e-9
@@ -74,6 +74,48 @@ def exposed_places(
             free_m, length_m, *_, there = _free_lengths(reach, starts_m, ends_m, from_within=True)
             mask[there] |= free_m < length_m
     return mask
+
+
+def spare_drift_m(
+    failsafes: Failsafes,
+    reach: FreeDistance,
+    places_m: FloatArray,
+    *,
+    radius_m: float,
+    margin_m: float,
+) -> FloatArray:
+    """Drift to the side, beyond the expected one, in which no action hits an obstacle: (n,).
+
+    By places (n, 2). The margin, which the keep-outs of `reach` contain, is a part of the drift,
+    not added to it. A place from where a return hits an obstacle has minus infinity.
+    """
+    grid, spare_m = reach.grid, np.full(len(places_m), np.inf)
+    blocked = reach.clearances.room_m < radius_m - margin_m - TOLERANCE
+    cells = np.floor((places_m - np.array(grid.lower_m)) / grid.resolution_m)
+    x, z = np.clip(cells, 0, np.array(grid.shape) - 1).astype(np.int64).T
+    outside_m = np.abs(cells[:, 0] - x) * grid.resolution_m
+    for item in failsafes.actions:
+        down = item.action in _DOWN
+        if down or item.action is AutopilotAction.DRIFT:
+            barred = np.logical_or.accumulate(blocked, axis=1) if down else blocked
+            free_m = _aside_m(barred, grid.resolution_m)[x, z] + outside_m
+            np.minimum(spare_m, free_m - max(item.drift_m, margin_m), out=spare_m)
+        else:
+            alone = replace(failsafes, actions=(item,))
+            spare_m[exposed_places(alone, reach, places_m)] = -np.inf
+    return spare_m
+
+
+def _aside_m(barred: BoolArray, resolution_m: float) -> FloatArray:
+    """Level distance from the centre of each cell (nx, nz) to the nearest barred one of its row.
+
+    Negative in a barred cell.
+    """
+    index, far = np.arange(len(barred))[:, None], np.inf
+    before = np.maximum.accumulate(np.where(barred, index, -far), axis=0)
+    after = np.minimum.accumulate(np.where(barred, index, far)[::-1], axis=0)[::-1]
+    apart = np.minimum(index - before, after - index)
+    return np.asarray((apart - 0.5) * resolution_m)
 
 
 def loss_objection(
