@@ -85,6 +85,12 @@ PLACE_LEFT = PilotText(
     remedy="hover, and order again",
 )
 
+NO_REFUGE = PilotText(
+    pattern="{m} m uncertain, no place is clear of it",
+    meaning="no leg leads to a place where a position error of that size reaches no obstacle",
+    remedy="take over, and fly away from the line by sight",
+)
+
 # Answers to orders
 
 REPLACED = PilotText(
@@ -289,7 +295,8 @@ PLANNER_FAILED = PilotText(
 FAILSAFE_HITS = PilotText(
     pattern="{link}: {reaction} hits {obstacle}",
     actions=("", "denied", "holding"),
-    meaning="on this path the autopilot's action after a link loss would hit this obstacle",
+    meaning="on this path the autopilot's action after a link loss, or the loss of GPS, would hit "
+    "this obstacle",
     remedy="set the failsafe parameters (`check` names them)",
 )
 

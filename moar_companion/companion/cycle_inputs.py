@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from ..config import Supervision
 from ..contingency.contingency_planner import ContingencyInputs
+from ..estimation.pose import Pose
 from ..estimation.pose_tracker import PoseTracker
 from ..mavlink.session import Session
 from ..mission import state_machine
@@ -21,12 +22,14 @@ from ..safety.check_inputs import CheckInputs, EscapeRoute, Host
 from ..safety.condition_types import Causes
 from ..safety.position_checks import widening_m
 from ..safety.supervisor import Ruling
+from ..safety.uncertainty_growth import AHEAD_S
 from ..site import Margin
 from ..telemetry import LandedState
 from ..text_format import distance
 from ..types import Mission
 from ..vehicle import Vehicle
 from .mode_requester import ModeRequester
+from .refuge import Refuge
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
 from .seen_obstacles import SeenObstacles
@@ -87,7 +90,9 @@ class CycleInputs:
         risk_monitor: RiskMonitor,
         mode_requester: ModeRequester,
         seen_obstacles: SeenObstacles,
+        refuge: Refuge,
     ) -> None:
+        self._refuge = refuge
         self._vehicle = vehicle
         self._limits = limits
         self._margin = margin
@@ -196,6 +201,8 @@ class CycleInputs:
             home_off_m=agreement.home_off_m,
             room_m=room_m,
             widening_m=widening_m(risk, self._margin),
+            uncertainty_soon_m=self._risk_monitor.uncertainty_m(AHEAD_S),
+            error_hits=None if pose is None else self._error_hits(pose),
             in_control=begins or status.state in IN_CONTROL,
             escaping=escapes(status),
             landing=self._mode_requester.is_landing(telemetry.autopilot, now_s),
@@ -214,6 +221,8 @@ class CycleInputs:
             parameters_unknown=self._routes.limits.unreported.denying,
             escape_route=escape_route,
             exposure=self._exposure(status, escape_route, now_s),
+            blind_hit=self._refuge.blind_hit,
+            battery_landing=self._refuge.battery_landing,
             host=host,
             sensing=self._seen_obstacles.settings,
             sensor_health=self._seen_obstacles.health,
@@ -245,6 +254,26 @@ class CycleInputs:
             from_s=status.since_s,
             now_s=now_s,
         )
+
+    def _error_hits(self, pose: Pose) -> str | None:
+        """Name of the obstacle that the position's error will reach, here or at the stop point.
+
+        None below the uncertainty limit: plans keep that distance. None, too, where no place is
+        better: an escape route may lead to one.
+        """
+        here_m = pose.position_m
+        flight, site_maps = self._routes.flight, self._routes.limits.site_maps
+        soon_m = self._risk_monitor.uncertainty_m(AHEAD_S)
+        if soon_m is None or soon_m <= self._limits.position_uncertainty_limit_m:
+            self._refuge.end()
+            return None
+        if site_maps is None or not site_maps.site.obstacles or self._refuge.is_best(here_m):
+            return None
+        for place_m in (here_m, here_m if flight is None else flight.stop_m):
+            room_m = site_maps.room_m(replace(pose, position_m=place_m), self._vehicle.radius_m)
+            if room_m is not None and room_m + site_maps.site.margin.position_m < soon_m:
+                return site_maps.maps.reach.nearest((place_m[0], place_m[2]))
+        return None
 
     def _jump_margin_m(self, room_m: float | None, jumped_m: float) -> float:
         """Permitted position error, here and before a jump of `jumped_m`.

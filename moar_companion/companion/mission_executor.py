@@ -34,6 +34,7 @@ from ..mission.values import (
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..planning.plan_jobs import PlanAnswer
 from ..risk import RiskEstimate
+from ..risk.receivers import trouble
 from ..safety.check_inputs import Host
 from ..safety.condition_types import Action
 from ..safety.position_checks import widening_m
@@ -44,6 +45,7 @@ from .mission_snapshot import MissionSnapshot
 from .mode_requester import ModeRequester
 from .operator_commands import OperatorCommands, Refused, understood, words
 from .plan_requests import Awaited
+from .refuge import Refuge
 from .reports import Reports
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
@@ -102,6 +104,7 @@ class MissionExecutor:
         """True if a search that found no path may find one now."""
         self.risk_monitor = RiskMonitor(vehicle)
         """The present risk indices, and the escape routes."""
+        self._refuge = Refuge(vehicle, self.risk_monitor, reports)
         self._inputs = CycleInputs(
             vehicle,
             config.supervision,
@@ -112,6 +115,7 @@ class MissionExecutor:
             risk_monitor=self.risk_monitor,
             mode_requester=self.mode_requester,
             seen_obstacles=seen_obstacles,
+            refuge=self._refuge,
         )
         self.host = Host()
         """Free resources of the computer."""
@@ -156,6 +160,15 @@ class MissionExecutor:
         if self.status.state in IN_CONTROL and volume is not None:
             watch, meter = self.routes.limits.watch, self.risk.meter
             watch.update(place_m, volume.maps.reach, telemetry, meter, now_s)
+            landing, route = (
+                watch.next_battery_action(telemetry, meter),
+                self.risk_monitor.escape_route,
+            )
+            leaving_s = None if route is None else route.exposed_s
+            blind = trouble(telemetry, self.risk.localization.receivers, now_s) is not None
+            self._refuge.look(
+                volume, watch.failsafes, place_m, landing, leaving_s, now_s, blind=blind
+            )
             limit_s = self._inputs.exposure_limit_s(self.status)
             note = watch.note(limit_s, self.status.since_s, now_s)
             if note is not None and not escapes(self.status):
@@ -253,6 +266,8 @@ class MissionExecutor:
             self.routes.replan(task, pose, self.risk.indices, now_s)
         width_m = self.routes.inflation.lasting_m
         self._recovery.act(self.routes.flight, pose, self.status, self.ruling, width_m, now_s)
+        failsafes = self.routes.limits.watch.failsafes
+        self._refuge.act(self.routes.flight, failsafes, self.status, self.ruling, now_s)
 
     def follow(self, now_s: float, step_s: float) -> None:
         """Flies on along the route and sends the gated setpoint. step_s: since the last cycle."""

@@ -15,6 +15,7 @@ from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
 from ..risk.wind import MOTOR_OUTPUT
 from ..safety.check_inputs import EscapeRoute
+from ..safety.uncertainty_growth import UncertaintyGrowth
 from ..site import Site
 from ..telemetry import Telemetry
 from ..types import Vector
@@ -37,6 +38,7 @@ class RiskMonitor:
         """Contingency plans; None without a site."""
         self._answers: deque[PlanAnswer] = deque()
         """Answers to jobs of contingencies, for the next cycle."""
+        self._growth = UncertaintyGrowth()
         self.accuracies: tuple[object, ...] = ()
         """Reports of position accuracy that were last noted."""
 
@@ -59,6 +61,11 @@ class RiskMonitor:
         if self.contingencies is None:
             return None
         return self.contingencies.escape_route(self.risk.meter)
+
+    def uncertainty_m(self, ahead_s: float) -> float | None:
+        """The position's uncertainty after a time, at its present growth; None: not reported."""
+        known_m = self.risk.position_uncertainty_m
+        return None if known_m is None else known_m + ahead_s * self._growth.rate_mps
 
     def note_accuracy(self, telemetry: Telemetry) -> bool:
         """Takes reports of position accuracy; True if one is new: the next setpoint needs it."""
@@ -124,6 +131,7 @@ class RiskMonitor:
             power=self._power,
             demands=None if self.contingencies is None else self.contingencies.demands,
         )
+        self._growth = self._growth.followed(self.risk.position_uncertainty_m, now_s)
         autopilot, model = telemetry.autopilot, self._vehicle.risk
         if autopilot is None:
             return

@@ -143,8 +143,14 @@ class FlownPath:
     def recovery(self, widened_m: float) -> FlownPath | None:
         """Returns the recovery leg from the setpoint; None if there is none."""
         leg = self.volume.entry_leg(self.place_m, widened_m)
-        if leg is None:
-            return None
+        return None if leg is None else self._along(leg)
+
+    def leaving(self, end_m: PlanePoint) -> FlownPath:
+        """Returns the straight leg, checked before, from the setpoint to a place in the plane."""
+        points_m = [*map(vector, approach_m(self.place_m)), (end_m[0], 0.0, end_m[1])]
+        return self._along(CheckedLeg(points_m=tuple(points_m), room_m=math.inf, is_entry=True))
+
+    def _along(self, leg: CheckedLeg) -> FlownPath:
         points_m = np.array(leg.points_m)
         speed_mps = self.volume.recovery_speeds_mps(points_m)
         path = PathPoints(position_m=points_m, speed_mps=speed_mps)

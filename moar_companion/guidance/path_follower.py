@@ -65,6 +65,7 @@ class PathFollower:
         self._plan: Plan | None = None
         self._drift = WindLeash()
         self._yaw_rad = pose.yaw_rad
+        self._leaves = False
         self.seen_late = False
         """True if an obstacle was seen nearer than the stopping distance, until the next plan."""
 
@@ -84,7 +85,7 @@ class PathFollower:
     @property
     def arrived(self) -> bool:
         """True if the setpoint is at the plan's end; a stop by a brake does not count."""
-        return self._reference.arrived and not self.braked and not self.recovers
+        return self._reference.arrived and not self.braked and not self._on_leg_by_itself
 
     @property
     def braked(self) -> bool:
@@ -121,6 +122,22 @@ class PathFollower:
         """True while the flight returns by a recovery leg, without a plan."""
         return self._drift.recovers
 
+    @property
+    def leaves(self) -> bool:
+        """True while the flight goes to a refuge, without a plan."""
+        return self._leaves
+
+    @property
+    def _on_leg_by_itself(self) -> bool:
+        """True on a recovery leg or one to a refuge, which are flown during a hold."""
+        return self.recovers or self._leaves
+
+    @property
+    def stop_m(self) -> Vector:
+        """Place where the setpoint would stop if it braked now."""
+        stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
+        return vector(self._reference.trajectory.at(stop_m)[0])
+
     def drifted_m(self, pose: Pose) -> float | None:
         """Distance that the wind has moved the aircraft; None while it holds."""
         from_m = self._drift.from_m
@@ -145,6 +162,11 @@ class PathFollower:
         self._path = path
         self._drift = WindLeash(recovers=True)
         return True
+
+    def begin_leaving(self, end_m: PlanePoint) -> None:
+        """Begins the straight leg, checked before, to a refuge in the plane."""
+        self._path = self._path.leaving(end_m)
+        self._drift, self._leaves = WindLeash(), True
 
     def shift(self, jump: Jump) -> None:
         """Moves the setpoint with an estimate that jumped, so that the aircraft does not follow."""
@@ -194,7 +216,7 @@ class PathFollower:
         if barred_m is None:
             return
         joined_m = self._path.junction().joined_m
-        if self.on_leg or self.recovers or (joined_m is not None and joined_m >= barred_m):
+        if self.on_leg or self._on_leg_by_itself or (joined_m is not None and joined_m >= barred_m):
             self.brake()
 
     def error_m(self, pose: Pose) -> float:
@@ -205,6 +227,7 @@ class PathFollower:
         """Brakes to rest as soon as the acceleration limit permits."""
         if self.recovers:
             self._drift = WindLeash(carried=True)
+        self._leaves = False
         if not self.braked:
             self._path = self._path.braked()
 
@@ -213,7 +236,7 @@ class PathFollower:
 
         Later plans begin there, on any path; a landing leg is kept within its corridor.
         """
-        self._path = self._path.stopped_at(position_m)
+        self._path, self._leaves = self._path.stopped_at(position_m), False
 
     def resume_leg(self, widened_m: float) -> bool:
         """Resumes along the landing leg (`FlownPath.resumed`); returns False where it must not."""
@@ -259,7 +282,7 @@ class PathFollower:
         if path is self._path:
             return Adoption.SAME_PATH
         self._path, self._drift = path, WindLeash()
-        self.seen_late = False
+        self.seen_late = self._leaves = False
         return Adoption.NEW_PATH
 
     def rest_of_plan(
@@ -288,9 +311,9 @@ class PathFollower:
         brake, the setpoint comes to rest where it is, and its path begins there.
         """
         self._go_along(pose, step_s)
-        if self.recovers and self._reference.arrived:
+        if self._on_leg_by_itself and self._reference.arrived:
             self.brake()
-        stays = (holds or self.braked) and not self.recovers
+        stays = (holds or self.braked) and not self._on_leg_by_itself
         reference = advanced(
             self._reference,
             pose.position_m,
@@ -318,7 +341,7 @@ class PathFollower:
             self._drift = self._drift.after(error_m, leash_m, pose, step_s)
             return
         self._path = replace(self._path, legs=(), landing_corner=None).stopped_at(moved_m)
-        self._drift = self._drift.pulled(place_m, pose, drifts=drifts)
+        self._drift, self._leaves = self._drift.pulled(place_m, pose, drifts=drifts), False
 
     def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
         """The setpoint of this instant, the heading turned by one step (0: kept)."""

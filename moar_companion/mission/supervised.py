@@ -28,7 +28,7 @@ _ACTION_TEXTS = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
 
 def supervised(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
     """Applies the supervisor's action to a flight in control; None if there is nothing to do."""
-    if ruling.action is Action.HOLD:
+    if ruling.action in {Action.HOLD, Action.LEAVE}:
         return _braked(status, ruling, now_s, resumes=True)
     if ruling.action in ESCAPE_MISSIONS:
         return _escape(status, ruling, now_s, on_leg=on_leg)
@@ -67,7 +67,8 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: boo
     resumes = resumes and left and not status.hold_ordered
     status = replace(status, resumes=resumes, hold_ordered=False)
     held = entered(status, MissionState.HOLDING, now_s)
-    action = MissionState.HOLDING.words
+    leaves = ruling.action is Action.LEAVE
+    action = ruling.action.words if leaves else MissionState.HOLDING.words
     text = SendText(ruling.reason, action, serious=True, condition=ruling.name)
     return held, (*failed, FlightEffect.BRAKE, text)
 

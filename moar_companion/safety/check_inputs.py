@@ -68,6 +68,8 @@ class CheckInputs:
     stopped: the setpoint does not move although a path is flown.
     excursion: text for an aircraft outside the workspace and its checked legs.
     room_m: from the hull to the nearest keep-out. widening_m: required inflation of keep-outs.
+    uncertainty_soon_m: the position's uncertainty, as it will be within seconds at its growth.
+    error_hits: name of the obstacle that this reaches, here or where the flight would stop.
     azimuth_rad: of +x, from north. misread: text for a wrong number of cells in the vehicle file.
     plan_awaited_s: wait for a new inspection plan. fence_silent: the autopilot does not report its
     uploaded fence. parameters_unknown: never reported, and without a most cautious value.
@@ -88,6 +90,8 @@ class CheckInputs:
     home_off_m: float | None = None
     room_m: float | None = None
     widening_m: float = 0.0
+    uncertainty_soon_m: float | None = None
+    error_hits: str | None = None
     azimuth_rad: float | None = None
     misread: str | None = None
     in_control: bool = False
@@ -105,6 +109,10 @@ class CheckInputs:
     escape_route: EscapeRoute | None = None
     exposure: str | None = None
     """Reason to leave before an autopilot failsafe acts; None if there is none."""
+    blind_hit: str | None = None
+    """Text for the autopilot's action without a position that would hit an obstacle from here."""
+    battery_landing: str | None = None
+    """Text for a battery's action that comes before the escape route has left exposed places."""
     host: Host = field(default_factory=Host)
     sensing: Perception = field(default_factory=Perception)
     """Settings of the sensor that measures obstacles; its kind is None without one."""

@@ -28,6 +28,7 @@ _GROUNDED = "not in the air"
 def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: float) -> Causes:
     """Returns all present reasons against a flight. off_path_m: the vehicle's."""
     telemetry, faults = seen.telemetry, seen.faults
+    no_fix = trouble(telemetry, seen.risk.localization.receivers, now_s)
     return Causes(
         autopilot_identity=_autopilot_identity(seen),
         autopilot_link_lost=link_age.silence(telemetry, limits, now_s),
@@ -57,7 +58,11 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         origin_moved=position_checks.origin_moved(seen, limits),
         position_disagreement=position_checks.position_disagreement(seen),
         uncertainty=position_checks.uncertainty(seen, limits),
-        gnss=trouble(seen.telemetry, seen.risk.localization.receivers, now_s),
+        uncertainty_grows=position_checks.uncertainty_grows(seen, limits),
+        error_reach=position_checks.error_reach(seen),
+        blind_landing=seen.blind_hit if seen.in_control else None,
+        battery_landing=seen.battery_landing if seen.in_control else None,
+        gnss=no_fix,
         localization=exceeds(
             "localization risk", seen.risk.indices.localization, limits.localization_limit, ""
         ),

@@ -113,7 +113,11 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "home position off {3.0|99999} m > {0.5}",
         "home position off over {0.5} m",
     ),
+    "error_reach": ("{3.3|99999} m error would hit {right-middle|MM..}",),
+    "blind_landing": ("no fix: {descent|motor stop} hits {right-middle|MM..}",),
+    "battery_landing": ("{landing|motor stop} {27|9999} s < {41|9999} to leave",),
     "uncertainty": ("uncertainty {2.4|99999} m > {2|99999}", "uncertainty over {2|99999} m"),
+    "uncertainty_grows": ("uncertainty grows: {3.3|99999} m in {8} s",),
     "no_clearance": (
         "no room here, uncertainty {1.4|99999} m",
         "no room here, margin {0.8|99999} m",

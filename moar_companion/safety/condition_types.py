@@ -21,7 +21,9 @@ class Action(enum.IntEnum):
     HOLD = 2
     EXIT = 3
     EVACUATION = 4
-    RELEASE = 5
+    LEAVE = 5
+    """Flies a checked leg to the nearest place where what threatens hits nothing, and holds."""
+    RELEASE = 6
     """The stream ends: the autopilot or the pilot flies."""
 
     @property
@@ -35,6 +37,7 @@ _WORDS = {
     Action.HOLD: "holding",
     Action.EXIT: "exiting",
     Action.EVACUATION: "evacuating",
+    Action.LEAVE: "leaving",
     Action.RELEASE: "released",
 }
 
@@ -82,6 +85,10 @@ class Causes:
     origin_moved: str | None = None
     position_disagreement: str | None = None
     uncertainty: str | None = None
+    uncertainty_grows: str | None = None
+    error_reach: str | None = None
+    blind_landing: str | None = None
+    battery_landing: str | None = None
     no_clearance: str | None = None
     gnss: str | None = None
     localization: str | None = None

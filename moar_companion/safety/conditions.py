@@ -218,12 +218,48 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
+        name="error_reach",
+        starts="the position's uncertainty is above `position_uncertainty_limit_m`, or will be "
+        "within 8 s at the growth of the last 3 s, and then reaches an obstacle from here",
+        action=Action.LEAVE,
+        after_s=0.5,
+        over_s=5.0,
+        override=Override.SAFER,
+    ),
+    Condition(
+        name="blind_landing",
+        starts="the receiver has no fix (`gnss`), and the autopilot's action without a position, "
+        "with its drift, would hit an obstacle from here",
+        action=Action.LEAVE,
+        after_s=1.0,
+        over_s=5.0,
+        override=Override.SAFER,
+    ),
+    Condition(
+        name="battery_landing",
+        starts="a battery's action of the autopilot is expected before the escape route has left "
+        "all places from where it hits an obstacle, and a nearer place is free of that",
+        action=Action.LEAVE,
+        after_s=1.0,
+        over_s=10.0,
+        override=Override.SAFER,
+    ),
+    Condition(
         name="uncertainty",
         starts="the position's uncertainty, level or in height, is above "
         "`position_uncertainty_limit_m`",
         action=Action.HOLD,
         after_s=0.5,
         over_s=5.0,
+    ),
+    Condition(
+        name="uncertainty_grows",
+        starts="outside an escape route, the position's uncertainty will be above "
+        "`position_uncertainty_limit_m` within 8 s, at the growth of the last 3 s",
+        action=Action.HOLD,
+        after_s=0.5,
+        over_s=5.0,
+        override=Override.SAFER,
     ),
     Condition(
         name="no_clearance",

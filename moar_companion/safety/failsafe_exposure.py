@@ -44,6 +44,11 @@ _OVER_S = 2.0
 """A shorter time without exposure, as between two cells, does not end an exposure."""
 
 
+_FALL_S, _FALL = 5.0, 0.03
+"""Least fall of the charge within this time that counts as faster than the forecast by power: ten
+times that of a flight of 15 minutes, and more than a report's rounding."""
+
+
 class Exposed(NamedTuple):
     """An action that would hit an obstacle from the aircraft's place.
 
@@ -67,6 +72,8 @@ class FailsafeExposure:
         """True once all parameters were received, or requested often enough."""
         self._received: frozenset[Trigger] = frozenset()
         self._exposed: tuple[Exposed, ...] = ()
+        self._charges: tuple[tuple[float, float], ...] = ()
+        """Times and least charges of the last seconds, the oldest first."""
         self._since_s: float | None = None
         self._seen_s = self._noted_s = -math.inf
         self.failsafes = NO_FAILSAFES
@@ -105,6 +112,9 @@ class FailsafeExposure:
         now_s: float,
     ) -> None:
         """Updates the obstacles that actions would hit from here; no update at unknown places."""
+        charge = _least_charge(telemetry)
+        recent = tuple(item for item in self._charges if now_s - item[0] <= _FALL_S)
+        self._charges = recent if charge is None else (*recent, (now_s, charge))
         if place_m is None or reach is None:
             return
         place = np.array([[place_m[0], place_m[2]]])
@@ -125,6 +135,7 @@ class FailsafeExposure:
     def end(self) -> None:
         """Clears the exposure after a flight."""
         self._exposed, self._since_s, self._seen_s = (), None, -math.inf
+        self._charges = ()
 
     def reason(
         self,
@@ -160,6 +171,34 @@ class FailsafeExposure:
         trigger, obstacle = self._where()
         left_s = seconds(limit_s - stayed_s)
         return pilot_texts.EXPOSED(trigger=trigger, obstacle=obstacle, s=left_s)
+
+    def next_battery_action(
+        self, telemetry: Telemetry, meter: Meter
+    ) -> tuple[FailsafeAction, float] | None:
+        """The battery's next action that moves the aircraft, and the time until it, if forecast.
+
+        Where the charge falls much faster than by the power, it is taken to go on so.
+        """
+        times_s = [
+            (action, left_s)
+            for action in self.failsafes.of(BATTERY).actions
+            for left_s in (*self._times_s(action, telemetry, meter), self._falls_in_s(action))
+            if left_s is not None
+        ]
+        return min(times_s, key=lambda item: item[1], default=None)
+
+    def _falls_in_s(self, action: FailsafeAction) -> float | None:
+        """Time until an action's charge, by the fall of the last seconds; None: no fast fall."""
+        if action.charge is None or not self._charges:
+            return None
+        greatest, (until_s, charge) = (
+            max(self._charges, key=lambda item: item[1]),
+            self._charges[-1],
+        )
+        fallen, fell_s = greatest[1] - charge, until_s - greatest[0]
+        if fallen < _FALL or fell_s <= 0.0:
+            return None
+        return max(0.0, charge - action.charge) * fell_s / fallen
 
     def _stayed_s(self, from_s: float, now_s: float) -> float | None:
         return None if self._since_s is None else now_s - max(self._since_s, from_s)
@@ -236,6 +275,15 @@ def received_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigg
     if profile(kind).channels_without_receiver and readiness is not None:
         remote = None if readiness.remote_control_ok is None else remote
     return frozenset() if remote is None else frozenset({Trigger.RC_LOSS})
+
+
+def _least_charge(telemetry: Telemetry) -> float | None:
+    """The least charge that a battery reports, a fraction."""
+    batteries = telemetry.batteries.values()
+    return min(
+        (item.remaining for item in batteries if item.remaining is not None and is_powered(item)),
+        default=None,
+    )
 
 
 def _soonest_s(times_s: Iterable[float | None]) -> float | None:

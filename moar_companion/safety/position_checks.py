@@ -11,9 +11,18 @@ from ..config import Supervision
 from ..risk import RiskEstimate
 from ..site import Margin
 from ..telemetry import Telemetry
-from ..text_format import compass, digits_above, distance, exceeds, limit_text
+from ..text_format import (
+    compass,
+    digits_above,
+    distance,
+    exceeds,
+    limit_text,
+    reason_chars,
+    with_name,
+)
 from . import link_age
 from .check_inputs import CheckInputs
+from .uncertainty_growth import AHEAD_S
 
 _READ_LATE_S = 0.2
 """Wait for reading above which late data is caused by the companion, not by the network."""
@@ -69,6 +78,24 @@ def uncertainty(seen: CheckInputs, limits: Supervision) -> str | None:
     """Text for a position that is too uncertain."""
     limit_m = limits.position_uncertainty_limit_m
     return exceeds("uncertainty", seen.risk.position_uncertainty_m, limit_m, "m")
+
+
+def uncertainty_grows(seen: CheckInputs, limits: Supervision) -> str | None:
+    """Text for a position that will be too uncertain soon; an escape route goes on until it is."""
+    known_m, soon_m = seen.risk.position_uncertainty_m or 0.0, seen.uncertainty_soon_m
+    limit_m = limits.position_uncertainty_limit_m
+    if seen.escaping or soon_m is None or not known_m <= limit_m < soon_m:
+        return None
+    return f"uncertainty grows: {distance(soon_m)} m in {AHEAD_S:.0f} s"
+
+
+def error_reach(seen: CheckInputs) -> str | None:
+    """Text for an obstacle within the position's error, as it is at the end of the forecast."""
+    soon_m = seen.uncertainty_soon_m
+    if not seen.in_control or soon_m is None or seen.error_hits is None:
+        return None
+    pattern = f"{distance(soon_m)} m error would hit {{}}"
+    return with_name(pattern, seen.error_hits, reason_chars("rejected"))
 
 
 def widening_m(risk: RiskEstimate, margin: Margin) -> float:

@@ -57,7 +57,7 @@ class Events(RuleBasedStateMachine):
             for row in CONDITIONS:
                 if row.action is Action.RELEASE and row.override is Override.NONE:
                     assert getattr(causes, row.name) is None
-        if status.state in IN_CONTROL and ruling.action is Action.HOLD:
+        if status.state in IN_CONTROL and ruling.action in {Action.HOLD, Action.LEAVE}:
             assert status.state is MissionState.HOLDING
         if status.state in IN_CONTROL and ruling.action in {Action.EXIT, Action.EVACUATION}:
             task = status.requested or status.task

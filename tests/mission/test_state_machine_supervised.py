@@ -55,6 +55,28 @@ def test_a_plan_that_is_found_when_control_has_just_ended_is_not_accepted(state,
     assert not any("ready" in text for text in flight.said)
 
 
+@pytest.mark.parametrize("task", [INSPECTION, EXIT])
+def test_a_place_that_must_be_left_is_a_hold_and_the_flight_resumes_behind_it(task):
+    flight = story(S.FLYING, task).see(error_reach="3.3 m error would hit wire").tick(0.6)
+    assert flight.state == "holding"
+    assert FlightEffect.BRAKE in flight.effects
+    assert any("3.3 m error would hit wire, leaving" in text for text in flight.said)
+    flight.see(error_reach=None).tick(4.9)
+    assert flight.state == "holding"
+    flight.tick(0.2)
+    assert flight.status.requested == flight.status.task
+
+
+def test_a_place_is_left_before_an_escape_goes_on():
+    flight = story(S.FLYING, EXIT).see(battery_critical="battery 0 is critical").tick(1.1)
+    flight.plan_found()
+    assert flight.state == "flying"
+    flight.see(battery_landing="landing 27 s < 41 to leave").tick(1.1)
+    assert flight.state == "holding"
+    flight.see(battery_landing=None).tick(10.1)
+    assert flight.status.requested.mission is Mission.EVACUATION
+
+
 def test_an_order_replaced_by_a_newer_one_is_cancelled_with_a_reason():
     flight = story(S.FLYING).order(EXIT).order(EVACUATION)
     assert flight.answers == [(2, "cancelled")]

@@ -84,6 +84,50 @@ STORIES = [
         uncertain(2.1, 0.3, 0.9),
         {"uncertainty": "uncertainty 2.1 m > 2"},
     ),
+    ("one that will be 2 m soon", replace(IN_FLIGHT, uncertainty_soon_m=2.0), {}),
+    (
+        "one that will be greater soon",
+        replace(IN_FLIGHT, uncertainty_soon_m=3.3),
+        {"uncertainty_grows": "uncertainty grows: 3.3 m in 8 s"},
+    ),
+    (
+        "one that will be greater soon on an escape route",
+        replace(IN_FLIGHT, uncertainty_soon_m=3.3, escaping=True),
+        {},
+    ),
+    (
+        "one that will reach an obstacle",
+        replace(IN_FLIGHT, uncertainty_soon_m=3.3, error_hits="right-middle"),
+        {
+            "uncertainty_grows": "uncertainty grows: 3.3 m in 8 s",
+            "error_reach": "3.3 m error would hit right-middle",
+        },
+    ),
+    (
+        "one that will reach an obstacle on an escape route",
+        replace(IN_FLIGHT, uncertainty_soon_m=3.3, error_hits="right-middle", escaping=True),
+        {"error_reach": "3.3 m error would hit right-middle"},
+    ),
+    (
+        "one that will reach an obstacle before control",
+        replace(HOVERING, uncertainty_soon_m=3.3, error_hits="right-middle"),
+        {"uncertainty_grows": "uncertainty grows: 3.3 m in 8 s"},
+    ),
+    (
+        "a blind landing that hits an obstacle",
+        replace(IN_FLIGHT, blind_hit="no fix: descent hits wire"),
+        {"blind_landing": "no fix: descent hits wire"},
+    ),
+    (
+        "a battery's landing before the way out is clear",
+        replace(IN_FLIGHT, battery_landing="landing 27 s < 41 to leave"),
+        {"battery_landing": "landing 27 s < 41 to leave"},
+    ),
+    (
+        "both before control",
+        replace(HOVERING, blind_hit="words", battery_landing="words"),
+        {},
+    ),
     (
         "one that only the odometry tells yet",
         uncertain(0.3, 2.1, 0.9),

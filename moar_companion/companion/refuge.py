@@ -1,0 +1,239 @@
+"""Refuge: the nearest place where a position error, or the autopilot by itself, hits nothing.
+
+Inputs: the flight volume, the autopilot's failsafes, the position's uncertainty, the ruling.
+Outputs: threats to the aircraft's place, for the checks; while the supervisor requires it, the leg
+to the refuge, where the aircraft holds; texts.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import pilot_texts
+from ..autopilots.failsafe_actions import BATTERY, FailsafeAction, Failsafes, Trigger
+from ..contingency.route_cost import straight_s
+from ..guidance.flight_volume import FlightVolume
+from ..guidance.path_follower import PathFollower
+from ..mavlink.session import Severity
+from ..mission.values import MissionStatus
+from ..mission_states import MissionState
+from ..planner.escape import refuge_leg
+from ..planner.regions import obstacle_room_m
+from ..power import PowerModel
+from ..safety.condition_types import Action
+from ..safety.failsafe_paths import failsafe_hit
+from ..safety.refuges import BLIND_LEG_M, spare_at_m, spare_in_cells_m
+from ..safety.supervisor import Ruling
+from ..safety.uncertainty_growth import AHEAD_S
+from ..site import PlanePoint
+from ..text_format import distance, reason_chars, seconds, with_name
+from ..types import Vector
+from ..vehicle import Vehicle
+from .reports import Reports
+from .risk_monitor import RiskMonitor
+
+_LASTS_S = 30.0
+"""Time for which the growth of the error is assumed to go on at the refuge: a pilot has taken over
+until then."""
+_BLIND_M = 1.0
+"""Error that dead reckoning adds until the end of the leg: 0.9 m in 5 s, as PX4 reports it."""
+_OVERDUE_S = 15.0
+"""Time after which an action that was due does not come: PX4 holds 5 s before it (COM_FAIL_ACT_T),
+and its charge is filtered. The escape route goes on then."""
+_ELSEWHERE_M = 5.0
+"""Distance from a place without a better one from which another search may find one."""
+_AGAIN_S = 0.5
+"""Time between two searches for a refuge."""
+_WORTH_M = 0.5
+"""Least gain for which another leg is begun: two cells."""
+_BLIND = frozenset({Trigger.GPS_LOSS})
+
+
+class _Threats(NamedTuple):
+    """What threatens: a position error, a landing without a position, a battery's landing."""
+
+    error: bool
+    blind: bool
+    battery: bool
+
+
+class _Found(NamedTuple):
+    """Result of a search.
+
+    lacking: the place itself is not clear. leg_m: end of the leg, if it is worth flying. frees:
+    that end is clear.
+    """
+
+    lacking: bool
+    leg_m: PlanePoint | None = None
+    frees: bool = False
+
+
+class Refuge:
+    """Keeps the threats to the aircraft's place, and begins legs to a refuge."""
+
+    def __init__(self, vehicle: Vehicle, risk_monitor: RiskMonitor, reports: Reports) -> None:
+        self._vehicle = vehicle
+        self._power = PowerModel.of(vehicle)
+        self._risk_monitor = risk_monitor
+        self._reports = reports
+        self._due_s = -math.inf
+        self._said = False
+        """True once it was reported that no place is clear."""
+        self._best_m: PlanePoint | None = None
+        """Place from where no leg to a better one was found; None: there was no such search."""
+        self._due_since_s: float | None = None
+        """Time since which the battery's action is due by the forecast."""
+        self.blind_hit: str | None = None
+        """Text for the autopilot's action without a position that would hit an obstacle here."""
+        self.battery_landing: str | None = None
+        """Text for a battery's action that comes before the escape route is clear of it."""
+
+    def look(
+        self,
+        volume: FlightVolume,
+        failsafes: Failsafes,
+        place_m: Vector | None,
+        landing: tuple[FailsafeAction, float] | None,
+        leaving_s: float | None,
+        now_s: float,
+        *,
+        blind: bool,
+    ) -> None:
+        """Updates the threats to a place; they stay where that is unknown.
+
+        blind: the receiver has no fix. landing: the battery's next action that moves the aircraft,
+        and the time until it. leaving_s: time until the escape route has left all places from where
+        that hits an obstacle.
+        """
+        if place_m is None:
+            return
+        here_m = (place_m[0], place_m[2])
+        self.blind_hit = self._blind_hit(volume, failsafes.of(_BLIND), here_m) if blind else None
+        self.battery_landing = None
+        due = landing is not None and landing[1] <= 0.0
+        if not due or self._due_since_s is None:
+            self._due_since_s = now_s if due else None
+        if self._due_since_s is not None and now_s - self._due_since_s > _OVERDUE_S:
+            return
+        if landing is None or leaving_s is None or not landing[1] < leaving_s:
+            return
+        needed_s = self._refuge_s(volume, failsafes, here_m)
+        if needed_s is not None and needed_s < leaving_s:
+            left_s, noun = seconds(math.floor(landing[1])), landing[0].action.noun
+            self.battery_landing = f"{noun} {left_s} s < {seconds(math.ceil(leaving_s))} to leave"
+
+    def is_best(self, place_m: Vector) -> bool:
+        """True if the last search found no better place than this one: to hold there is no help."""
+        x_m, _, z_m = place_m
+        best_m = self._best_m
+        return best_m is not None and math.dist(best_m, (x_m, z_m)) < _ELSEWHERE_M
+
+    def end(self) -> None:
+        """Forgets the last search: the position is certain again, or the flight has ended."""
+        self._best_m = None
+
+    def act(
+        self,
+        flight: PathFollower | None,
+        failsafes: Failsafes,
+        status: MissionStatus,
+        ruling: Ruling,
+        now_s: float,
+    ) -> None:
+        """Runs one cycle: begins a leg to a refuge, or a further one, or ends it."""
+        holds = status.state is MissionState.HOLDING and status.requested is None
+        leaves = holds and ruling.action is Action.LEAVE
+        if flight is None or not holds:
+            self._said = False
+        if flight is None:
+            return
+        if flight.leaves and not leaves:
+            flight.brake()
+        if flight.leaves or not holds or not flight.stopped or now_s < self._due_s:
+            return
+        self._due_s = now_s + _AGAIN_S
+        volume, place_m = flight.path.volume, flight.path.place_m
+        here_m = place_m[0], place_m[2]
+        if leaves:
+            threats = _Threats(
+                error=ruling.acts("error_reach"),
+                blind=ruling.acts("blind_landing"),
+                battery=ruling.acts("battery_landing"),
+            )
+            found = self._search(volume, failsafes, here_m, threats)
+            if found.leg_m is not None:
+                flight.begin_leaving(found.leg_m)
+                return
+            self._best_m = here_m if found.lacking else None
+        self._warn(volume, here_m, now_s)
+
+    def _warn(self, volume: FlightVolume, here_m: PlanePoint, now_s: float) -> None:
+        """Reports once that the position's uncertainty reaches an obstacle from the best place."""
+        known_m = self._risk_monitor.uncertainty_m(0.0)
+        if known_m is None or self._best_m is None or self._said:
+            return
+        room_m = float(obstacle_room_m(volume.site, np.array(here_m))) - self._vehicle.radius_m
+        if known_m > room_m + volume.site.margin.total_m:
+            self._said = True
+            text = pilot_texts.NO_REFUGE(m=distance(known_m))
+            self._reports.send_text(Severity.WARNING, text, now_s)
+
+    def _search(
+        self, volume: FlightVolume, failsafes: Failsafes, here_m: PlanePoint, threats: _Threats
+    ) -> _Found:
+        """The leg from a place to its refuge, if that is better by a worthwhile distance."""
+        maps, here = volume.maps, np.array([here_m])
+        kept_m = volume.site.margin.position_m
+        needed_m = (self._risk_monitor.uncertainty_m(_LASTS_S) or 0.0) - kept_m
+        room_m = obstacle_room_m(volume.site, here) - self._vehicle.radius_m
+        acting = failsafes.of(
+            (_BLIND if threats.blind else frozenset())
+            | (BATTERY if threats.battery else frozenset())
+        )
+        spare_m = float(spare_at_m(acting, volume.site, self._vehicle, maps, here)[0])
+        if threats.error:
+            spare_m = min(spare_m, float(room_m[0]) - needed_m)
+        if spare_m >= 0.0:
+            return _Found(lacking=False)
+        at_m = spare_in_cells_m(acting, volume.site, self._vehicle, maps)
+        if threats.error:
+            at_m = np.minimum(at_m, maps.room_m - needed_m)
+        widened_m = (self._risk_monitor.uncertainty_m(AHEAD_S) or 0.0) - kept_m
+        widened_m = max(0.0, widened_m + (_BLIND_M if threats.blind else 0.0))
+        longest_m = BLIND_LEG_M if threats.blind else math.inf
+        end_m = refuge_leg(volume.site, self._vehicle, maps, here_m, at_m, widened_m, longest_m)
+        cell = None if end_m is None else maps.grid.cell_of(end_m)
+        if cell is None or not (at_m[cell] >= 0.0 or at_m[cell] > spare_m + _WORTH_M):
+            return _Found(lacking=True)
+        return _Found(lacking=True, leg_m=end_m, frees=bool(at_m[cell] >= 0.0))
+
+    def _blind_hit(
+        self, volume: FlightVolume, failsafes: Failsafes, here_m: PlanePoint
+    ) -> str | None:
+        place, maps = np.array([here_m]), volume.maps
+        if (spare_at_m(failsafes, volume.site, self._vehicle, maps, place) >= 0.0).all():
+            return None
+        found = failsafe_hit(failsafes, maps.reach, place, drifting=True)
+        if found is None:
+            return None
+        pattern = f"no fix: {found[0].action.noun} hits {{}}"
+        return with_name(pattern, found[1].obstacle, reason_chars("rejected"))
+
+    def _refuge_s(
+        self, volume: FlightVolume, failsafes: Failsafes, here_m: PlanePoint
+    ) -> float | None:
+        """Time of the leg to a place from where a battery's action hits nothing; None: no such."""
+        threats = _Threats(error=False, blind=False, battery=True)
+        found = self._search(volume, failsafes, here_m, threats)
+        if not found.lacking:
+            return 0.0
+        if found.leg_m is None or not found.frees:
+            return None
+        (x_m, z_m), (end_x_m, end_z_m) = here_m, found.leg_m
+        length_m = math.hypot(end_x_m - x_m, end_z_m - z_m)
+        cruise_s = straight_s((x_m, 0.0, z_m), (end_x_m, 0.0, end_z_m), self._power)
+        return max(cruise_s, 2.0 * math.sqrt(length_m / self._vehicle.guidance.acceleration_mps2))

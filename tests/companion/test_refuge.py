@@ -1,0 +1,109 @@
+"""A place that has to be left: the leg to the nearest one where a position error does no harm."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.config import LossCheck, Supervision
+
+from .desk import DENIED, HOLD, INSPECTION, STEP_S, Desk
+
+
+def at_target(**changes):
+    return Desk(**changes).set(accuracy_m=0.3).come_to("at_target")
+
+
+def grow(desk, rate_mps, seconds, most_m=99.0):
+    """The reported accuracy grows."""
+    for _ in range(round(seconds / STEP_S)):
+        desk.set(accuracy_m=min(most_m, desk.accuracy_m + rate_mps * STEP_S)).step()
+    return desk
+
+
+def east_m(desk):
+    """Distance east of the setpoint, away from the line."""
+    return desk.setpoints()[-1].y
+
+
+def moves(desk):
+    last = desk.setpoints()[-1]
+    return any((last.vx, last.vy, last.vz))
+
+
+@pytest.mark.slow
+def test_an_uncertainty_that_grows_is_left_before_the_limit_and_held_away_from_the_line():
+    desk = at_target()
+    began_m = east_m(desk)
+    grow(desk, 0.3, 5.0)
+    assert desk.accuracy_m < 2.0
+    assert desk.said("m error would hit right-middle, leaving")
+    grow(desk, 0.3, 20.0)
+    assert east_m(desk) > began_m + 2.0
+    assert desk.state == "holding"
+    assert not moves(desk)
+
+
+@pytest.mark.slow
+def test_a_mission_resumes_when_the_uncertainty_is_small_again():
+    desk = at_target()
+    grow(desk, 0.3, 8.0)
+    assert desk.state == "holding"
+    desk.set(accuracy_m=0.3).run_until("flying", 12.0)
+
+
+def test_an_uncertainty_that_is_large_but_steady_starts_no_leg_while_there_is_room():
+    desk = at_target()
+    began_m = east_m(desk)
+    desk.set(accuracy_m=1.2).run(5.0)
+    assert not desk.said("leaving")
+    assert not desk.said("uncertainty")
+    assert east_m(desk) - began_m < 1.0
+
+
+@pytest.mark.slow
+def test_an_operators_hold_stops_the_leg_and_the_next_order_is_not_refused_for_it():
+    desk = at_target()
+    grow(desk, 0.3, 5.6)
+    assert moves(desk)
+    desk.order(HOLD)
+    grow(desk, 0.3, 3.0)
+    assert not moves(desk)
+    stopped_m = east_m(desk)
+    grow(desk, 0.3, 3.0)
+    assert east_m(desk) == pytest.approx(stopped_m, abs=0.01)
+
+
+@pytest.mark.slow
+def test_where_no_place_is_clear_the_pilot_is_told_to_take_over():
+    desk = at_target()
+    grow(desk, 1.0, 16.0)
+    assert desk.said("m uncertain, no place is clear of it")
+    assert desk.state == "holding"
+    assert not moves(desk)
+
+
+@pytest.mark.slow
+def test_the_setpoint_of_a_leg_to_a_refuge_never_jumps():
+    desk = at_target()
+    grow(desk, 0.3, 10.0)
+    places = [(item.x, item.y, item.z) for item in desk.setpoints(desk.now_s - 10.0)]
+    assert max(map(math.dist, places, places[1:])) < 0.05
+
+
+@pytest.mark.slow
+def test_at_a_lost_fix_a_place_is_left_where_a_blind_landing_would_hit_a_conductor():
+    desk = at_target()
+    desk.set(fix_type=1).run(3.0)
+    assert desk.state == "holding"
+    assert desk.said("MOAR: no fix: descent hits right-")
+    assert desk.said("leaving")
+    assert moves(desk)
+
+
+def test_a_plan_without_a_refuge_from_a_blind_landing_is_refused_where_that_is_configured():
+    desk = Desk(supervision=Supervision(failsafe_action=LossCheck.REFUSE))
+    desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
+    assert desk.answers() == [DENIED]
+    assert desk.said("GPS loss: descent hits")
