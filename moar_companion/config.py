@@ -151,7 +151,8 @@ class Supervision:
     """Least time between the last place from where a battery's action would hit an obstacle and
     that action: in a gust a forecast of the charge is off by as much."""
     failsafe_action: LossCheck = LossCheck.WARN
-    """Response to a plan on which the autopilot's action after a link loss would hit an obstacle.
+    """Response to a plan on which the autopilot's action after a link loss would hit an obstacle,
+    or after the loss of the fix where no short leg prevents it.
     A warning by default: links are rarely lost, and places above a conductor usually exposed."""
     jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
     """The setpoint follows a jump of the position; a greater jump needs an operator's decision."""

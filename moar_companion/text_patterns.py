@@ -29,7 +29,7 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "risk": ("wind", "communication"),
     "path": ("path 1.4 m outward", "path 9999 m outward"),
     "trigger": ("RC loss", "companion loss"),
-    "link": ("RC loss", "GCS loss"),
+    "link": ("RC loss", "GPS loss"),
     "reaction": ("return", "motor stop"),
     "way": ("fly SE", "descend"),
     "fault": ("disk full", "error 9999"),

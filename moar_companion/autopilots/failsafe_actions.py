@@ -33,6 +33,8 @@ class Trigger(enum.Enum):
 
 BATTERY = frozenset({Trigger.LOW_BATTERY, Trigger.CRITICAL_BATTERY, Trigger.EMERGENCY_BATTERY})
 LINKS = frozenset({Trigger.RC_LOSS, Trigger.GCS_LOSS})
+UNFORESEEN = LINKS | {Trigger.GPS_LOSS}
+"""Triggers that nothing announces; the loss of the companion has a setting of its own."""
 
 
 class AutopilotAction(enum.Enum):

@@ -246,6 +246,7 @@ def _summary(findings: list[Finding], *, files: bool, seen: bool) -> str:
     words = [_counted(warnings, "warning")] if warnings else []
     if files:
         words.append("the aircraft was not checked")
+    words += [finding.closing for finding in findings if finding.closing]
     return ("FILES OK" if files else "GO") + (f": {', '.join(words)}" if words else "")
 
 

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from ..config import Authority, CompanionConfig
-from ..error_margin import sight_speed_mps
+from ..error_margin import margin_of, sight_speed_mps
 from ..errors import InputError, LinkError
 from ..link_config import KeySource
 from ..mqtt_config import Mqtt, broker_address
@@ -103,7 +103,11 @@ def _perception(config: CompanionConfig, vehicle: Vehicle, *, ports: bool) -> Fi
     """
     settings, subject = config.perception, "perception"
     if settings.sensor is None:
-        text = "none: obstacles are those of the site file (perception.sensor)"
+        margin_m = margin_of(vehicle, config.supervision).position_m
+        text = (
+            "none: obstacles are those of the site file (perception.sensor); no sensor sees the "
+            f"line: a position error above {margin_m:g} m that is not reported is not noticed"
+        )
         return Finding(level=Level.NOTE, subject=subject, text=text)
     try:
         tried(settings, str(config.file), port=ports)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from .. import pilot_texts
 from ..autopilots import profile
-from ..autopilots.failsafe_actions import LINKS, Failsafes
+from ..autopilots.failsafe_actions import LINKS, FailsafeAction, Failsafes, Trigger
 from ..autopilots.offboard_loss import OffboardLoss
 from ..autopilots.parameter_names import Parameters
 from ..config import LossCheck, Supervision
@@ -21,11 +21,15 @@ from ..guidance.trajectory import FloatArray
 from ..mavlink.session import Severity
 from ..planner.free_distance import FreeDistance
 from ..planning.plan_jobs import PlanAnswer
-from ..safety.failsafe_paths import failsafe_hit, loss_objection
+from ..safety.failsafe_paths import Hit, failsafe_hit, loss_objection
+from ..safety.refuges import unprotected
 from ..types import AutopilotKind, Mission, Vector
 from ..vehicle import Vehicle
 from .plan_requests import Awaited
 from .reports import Reports
+
+_PLACES = 16
+"""Places of a plan at which a landing without a position is looked at."""
 
 
 class OffboardLossCheck:
@@ -139,12 +143,26 @@ class OffboardLossCheck:
         if self.site_maps is None:
             return None
         found = failsafe_hit(failsafes.of(LINKS), reach or self.site_maps.maps.reach, rests_m)
+        if found is None and self._failsafe_check is LossCheck.REFUSE:
+            found = self._blindly(failsafes.of({Trigger.GPS_LOSS}), self.site_maps, rests_m)
         if found is None:
             return None
         action, hit = found
         return pilot_texts.FAILSAFE_HITS(
             link=action.trigger.value, reaction=action.action.noun, obstacle=hit.obstacle
         )
+
+    def _blindly(
+        self, failsafes: Failsafes, site_maps: SiteMaps, places_m: FloatArray
+    ) -> tuple[FailsafeAction, Hit] | None:
+        """Hit without a position, from places (n, 2) where the leg at the fix's loss is no help.
+
+        Some of the places are looked at: the search takes a millisecond for each.
+        """
+        places_m = places_m[:: max(1, len(places_m) // _PLACES)]
+        site, maps = site_maps.site, site_maps.maps
+        lost = unprotected(failsafes, site, self._vehicle, maps, places_m)
+        return failsafe_hit(failsafes, maps.reach, places_m[lost], drifting=True)
 
     def _objection_to(self, reach: FreeDistance | None, rests_m: FloatArray) -> str | None:
         """Reason why an offboard loss at stop points (n, 2) is unsafe; None if it is safe."""

@@ -12,6 +12,7 @@ import numpy as np
 from ..autopilots.failsafe_actions import (
     BATTERY,
     LINKS,
+    UNFORESEEN,
     AutopilotAction,
     FailsafeAction,
     Failsafes,
@@ -24,6 +25,7 @@ from ..planner.planner import Planner
 from ..power import PowerModel
 from ..safety.failsafe_exposure import moving
 from ..safety.failsafe_paths import exposed_places, failsafe_hit
+from ..safety.refuges import BLIND_LEG_M, unprotected
 from ..types import Mission, Vector
 from .findings import Finding, Level
 from .site_routes import SiteRoute, routes_of
@@ -45,18 +47,25 @@ def failsafe_findings(
         for route in of_target
         if route.plan.status is PlanStatus.FOUND
     ]
-    found = [
-        Finding(
-            level=_level(item, limits),
-            subject=SUBJECT,
-            text=f"{item.trigger.value}, {item.setting} ({item.action.value}): {words}"
-            f"{_protection(item, limits, power)}",
-            remedy=f"set {item.remedy}" if item.remedy else "",
+    found = []
+    for item in moving(failsafes, LINKS).actions:
+        alone = replace(failsafes, actions=(item,))
+        words = _hits(planner, alone, routes)
+        if item.trigger is Trigger.COMPANION_LOSS or not words:
+            continue
+        blind = item.trigger is Trigger.GPS_LOSS
+        closing = _unprotected(planner, alone, routes) if blind else ""
+        protection = _leaving(closing) if blind else _protection(item, limits, power)
+        found.append(
+            Finding(
+                level=_level(item, limits, unprotected=bool(closing) or not blind),
+                subject=SUBJECT,
+                text=f"{item.trigger.value}, {item.setting} ({item.action.value}): {words}"
+                f"{protection}",
+                remedy=f"set {item.remedy}" if item.remedy else "",
+                closing=closing,
+            )
         )
-        for item in moving(failsafes, LINKS).actions
-        if item.trigger is not Trigger.COMPANION_LOSS
-        and (words := _hits(planner, replace(failsafes, actions=(item,)), routes))
-    ]
     if routes and not found:
         text = "no failsafe action of the autopilot would hit an obstacle on any route of this site"
         found = [Finding(level=Level.OK, subject=SUBJECT, text=text)]
@@ -67,15 +76,18 @@ def failsafe_findings(
     return found
 
 
-def _level(item: FailsafeAction, limits: Supervision) -> Level:
-    """No-go without any protection, or as configured; a note if no parameter helps."""
+def _level(item: FailsafeAction, limits: Supervision, *, unprotected: bool) -> Level:
+    """No-go without any protection, or as configured."""
     if item.action is AutopilotAction.FALL:
         return Level.NO_GO
-    if item.trigger in LINKS and limits.failsafe_action is LossCheck.REFUSE:
-        return Level.NO_GO
-    if item.trigger is Trigger.GPS_LOSS and not item.remedy:
-        return Level.NOTE
-    return Level.WARNING
+    refused = limits.failsafe_action is LossCheck.REFUSE and unprotected
+    return Level.NO_GO if refused and item.trigger in UNFORESEEN else Level.WARNING
+
+
+def _leaving(closing: str) -> str:
+    """Text about the leg at the loss of the fix. closing: about places where it does not help."""
+    words = f"; the companion leaves at the loss of the fix, by {BLIND_LEG_M:g} m at most"
+    return f"{words}: not enough everywhere" if closing else words
 
 
 def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) -> str:
@@ -84,7 +96,26 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
         return ""
     if item.voltage_v is not None and power.cells is None:
         return "; its time cannot be forecast without risk.cells of the vehicle file"
-    return f"; the companion flies the exit {limits.exposure_reserve_s:g} s before"
+    return (
+        f"; the companion flies the exit {limits.exposure_reserve_s:g} s before, or to the nearest "
+        "place clear of it; not where the charge falls below the threshold at once"
+    )
+
+
+def _unprotected(planner: Planner, failsafe: Failsafes, routes: list[tuple[str, SiteRoute]]) -> str:
+    """Text about a landing without a position that no leg at the loss of the fix prevents."""
+    for target, route in routes:
+        places_m = route.plan.waypoints.position_m
+        lost = unprotected(failsafe, planner.site, planner.vehicle, planner.maps, places_m)
+        hit = failsafe_hit(failsafe, planner.maps.reach, places_m[lost], drifting=True)
+        if hit is not None:
+            name = _route_name(target, route)
+            return f"where GPS is lost ({name}) the autopilot may hit {hit[1].obstacle}"
+    return ""
+
+
+def _route_name(target: str, route: SiteRoute) -> str:
+    return f"to {target}" if route.name.startswith("from ") else f"{route.name} from {target}"
 
 
 def _hits(planner: Planner, failsafe: Failsafes, routes: list[tuple[str, SiteRoute]]) -> str:
@@ -98,7 +129,7 @@ def _hits(planner: Planner, failsafe: Failsafes, routes: list[tuple[str, SiteRou
             continue
         exposed = exposed_places(failsafe, reach, places_m, drifting=True)
         from_share = float(time_s[np.argmax(exposed)]) / max(1e-9, float(time_s[-1]))
-        name = f"to {target}" if route.name.startswith("from ") else f"{route.name} from {target}"
+        name = _route_name(target, route)
         found.append(f"{hit[1].obstacle} from {from_share:.0%} of the plan {name}")
     drift_m = max(item.drift_m for item in failsafe.actions)
     drifting = f"drifting up to {drift_m:g} m " if drift_m else ""

@@ -12,12 +12,14 @@ __all__ = ["Finding", "Level", "worst"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Result of one check: subject, text and remedy."""
+    """Result of one check: subject, text and remedy; a grave warning stands in the last line."""
 
     level: Level
     subject: str
     text: str
     remedy: str = ""
+    closing: str = ""
+    """Words about it in the last line."""
 
     def __str__(self) -> str:
         return f"{self.subject}: {self.explanation}"

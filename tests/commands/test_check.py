@@ -11,8 +11,10 @@ import pytest
 import serial
 
 from moar_companion import cli
+from moar_companion.commands.check import _summary as last_line
 from moar_companion.commands.service import configured, merged
 from moar_companion.config import shipped_configs
+from moar_companion.preflight.findings import Finding, Level
 from tests.processes import simulator
 
 CONFIGS = shipped_configs()
@@ -35,6 +37,20 @@ def edited(tmp_path, source, *changes):
     path = tmp_path / source.name
     path.write_text(text)
     return path
+
+
+def test_without_a_sensor_check_says_which_position_error_is_not_noticed(capsys):
+    check("--config", CONFIGS / "companion.yaml")
+    out, _ = capsys.readouterr()
+    assert "no sensor sees the line: a position error above 1.4 m that is not reported" in out
+
+
+def test_a_grave_warning_stands_in_the_last_line():
+    closing = "where GPS is lost (exit from splice-inner) the autopilot may hit right-lower"
+    grave = Finding(level=Level.WARNING, subject="failsafe", text="GPS loss …", closing=closing)
+    fine = Finding(level=Level.OK, subject="margin", text="2.55 m")
+    assert last_line([fine], files=False, seen=True) == "GO"
+    assert last_line([fine, grave], files=False, seen=True) == f"GO: 1 warning, {closing}"
 
 
 def test_the_shipped_configuration_is_a_go(capsys):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from unittest import mock
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -229,7 +230,12 @@ def watched(desk, seconds):
     return desk
 
 
-def test_a_failsafe_that_refuses_the_flown_inspection_holds_it_until_the_failsafe_is_changed():
+def test_a_failsafe_that_refuses_the_flown_inspection_holds_it_until_the_failsafe_is_changed(
+    monkeypatch,
+):
+    # Between the circuits the loss of GPS alone refuses the plan.
+    protected = "moar_companion.companion.offboard_loss_check.unprotected"
+    monkeypatch.setattr(protected, lambda *given: np.zeros(len(given[-1]), dtype=np.bool_))
     desk = watched(Desk(supervision=Supervision(failsafe_action=LossCheck.REFUSE)), 2)
     desk.order(INSPECTION, INNER).run_until("ready").run(1.1).send_heartbeat(desk.ours)
     watched(desk.run_until("flying", 0.1), 2).set_parameters(NAV_DLL_ACT=3.0)

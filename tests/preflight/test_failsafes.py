@@ -20,6 +20,7 @@ from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.safety.failsafe_paths import exposed_places
 from moar_companion.site import Site
+from moar_companion.types import Mission
 from tests.vehicles import named_vehicle
 
 OK, NOTE, WARNING, NO_GO = Level
@@ -27,6 +28,13 @@ PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = named_vehicle("linedrone_uniform")
 PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
+ONLY_OUTER = replace(
+    SITE,
+    targets=SITE.targets[:1],
+    landing_m={Mission.EXIT: SITE.landing_m[Mission.EXIT]},
+)
+OUTSIDE = Planner(flown_site(ONLY_OUTER, VEHICLE, Supervision()), VEHICLE)
+"""Only the target outside the line."""
 SAFE = {
     PX4: {"NAV_RCL_ACT": 1.0},
     ARDUPILOT: {"FS_THR_ENABLE": 7.0},
@@ -39,16 +47,16 @@ def found(kind, policy=LossCheck.WARN, **parameters):
     return [item for item in findings if not item.text.startswith("GPS loss")]
 
 
-def of_gps(kind, **parameters):
-    findings = all_found(kind, **parameters)
+def of_gps(kind, policy=LossCheck.WARN, planner=PLANNER, **parameters):
+    findings = all_found(kind, policy, planner, **parameters)
     return [item for item in findings if item.text.startswith("GPS loss")]
 
 
-def all_found(kind, policy=LossCheck.WARN, **parameters):
+def all_found(kind, policy=LossCheck.WARN, planner=PLANNER, **parameters):
     values = dict.fromkeys(profile(kind).failsafe_parameters, 0.0)
     failsafes = profile(kind).failsafes(Parameters({**values, **SAFE[kind], **parameters}))
     findings = failsafe_findings(
-        PLANNER, failsafes, Supervision(failsafe_action=policy), PowerModel.of(VEHICLE)
+        planner, failsafes, Supervision(failsafe_action=policy), PowerModel.of(VEHICLE)
     )
     assert {item.subject for item in findings} == {SUBJECT}
     return findings
@@ -60,7 +68,8 @@ def test_an_obstacle_below_a_critical_battery_landing_is_named_with_a_remedy():
     assert finding.text.startswith("critical battery, BATT_FS_CRT_ACT 1 (land): it would hit ")
     assert "% of the plan to splice-inner" in finding.text
     assert "left-lower from 0% of the plan exit from splice-inner" in finding.text
-    assert finding.text.endswith("; the companion flies the exit 30 s before")
+    assert "; the companion flies the exit 30 s before, or to the nearest place" in finding.text
+    assert finding.text.endswith("not where the charge falls below the threshold at once")
     assert finding.remedy == "set BATT_FS_CRT_ACT 0 (nothing)"
 
 
@@ -95,7 +104,7 @@ def test_a_smart_return_is_judged_by_its_fallback(value):
 
 def test_an_altitude_hold_without_a_position_drifts_into_obstacles_beside():
     (finding,) = of_gps(ARDUPILOT, FS_EKF_ACTION=2.0)
-    assert finding.level is NOTE
+    assert finding.level is WARNING
     assert finding.text.startswith(
         "GPS loss, FS_EKF_ACTION 2 (hold its height without a position): drifting up to 5.3 m it"
     )
@@ -135,12 +144,27 @@ def test_motors_that_stop_are_a_no_go():
     )
 
 
-def test_a_finding_without_a_parameter_as_remedy_is_a_note():
-    (finding,) = of_gps(PX4)
-    assert finding.level is NOTE
+@pytest.mark.parametrize(
+    ("policy", "level"), [(LossCheck.WARN, WARNING), (LossCheck.REFUSE, NO_GO)]
+)
+def test_a_blind_landing_on_a_conductor_is_named_in_the_last_line(policy, level):
+    (finding,) = of_gps(PX4, policy=policy)
+    assert finding.level is level
     assert finding.text.startswith(
         "GPS loss, COM_OBL_RC_ACT 0 (descend without a position): drifting up to 4.5 m it would hit"
     )
+    assert finding.text.endswith("by 5 m at most: not enough everywhere")
+    assert finding.closing == (
+        "where GPS is lost (exit from splice-inner) the autopilot may hit right-lower"
+    )
+
+
+@pytest.mark.parametrize("policy", LossCheck)
+def test_a_blind_landing_that_a_short_leg_prevents_is_a_warning_alone(policy):
+    (finding,) = of_gps(PX4, policy=policy, planner=OUTSIDE)
+    assert finding.level is WARNING
+    assert finding.text.endswith("leaves at the loss of the fix, by 5 m at most")
+    assert finding.closing == ""
 
 
 def test_an_autopilot_that_stays_hits_no_obstacle():
