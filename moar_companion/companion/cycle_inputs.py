@@ -265,7 +265,6 @@ class CycleInputs:
         flight, site_maps = self._routes.flight, self._routes.limits.site_maps
         soon_m = self._risk_monitor.uncertainty_m(AHEAD_S)
         if soon_m is None or soon_m <= self._limits.position_uncertainty_limit_m:
-            self._refuge.end()
             return None
         if site_maps is None or not site_maps.site.obstacles or self._refuge.is_best(here_m):
             return None

@@ -104,7 +104,7 @@ class MissionExecutor:
         """True if a search that found no path may find one now."""
         self.risk_monitor = RiskMonitor(vehicle)
         """The present risk indices, and the escape routes."""
-        self._refuge = Refuge(vehicle, self.risk_monitor, reports)
+        self._refuge = Refuge(vehicle, config.supervision, self.risk_monitor, reports)
         self._inputs = CycleInputs(
             vehicle,
             config.supervision,

@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import pilot_texts
 from ..autopilots.failsafe_actions import BATTERY, FailsafeAction, Failsafes, Trigger
+from ..config import Supervision
 from ..contingency.route_cost import straight_s
 from ..guidance.flight_volume import FlightVolume
 from ..guidance.path_follower import PathFollower
@@ -75,8 +76,11 @@ class _Found(NamedTuple):
 class Refuge:
     """Keeps the threats to the aircraft's place, and begins legs to a refuge."""
 
-    def __init__(self, vehicle: Vehicle, risk_monitor: RiskMonitor, reports: Reports) -> None:
+    def __init__(
+        self, vehicle: Vehicle, limits: Supervision, risk_monitor: RiskMonitor, reports: Reports
+    ) -> None:
         self._vehicle = vehicle
+        self._limit_m = limits.position_uncertainty_limit_m
         self._power = PowerModel.of(vehicle)
         self._risk_monitor = risk_monitor
         self._reports = reports
@@ -109,6 +113,8 @@ class Refuge:
         and the time until it. leaving_s: time until the escape route has left all places from where
         that hits an obstacle.
         """
+        if (self._risk_monitor.uncertainty_m(AHEAD_S) or 0.0) <= self._limit_m:
+            self._best_m = None  # the position is certain again
         if place_m is None:
             return
         here_m = (place_m[0], place_m[2])
@@ -131,10 +137,6 @@ class Refuge:
         x_m, _, z_m = place_m
         best_m = self._best_m
         return best_m is not None and math.dist(best_m, (x_m, z_m)) < _ELSEWHERE_M
-
-    def end(self) -> None:
-        """Forgets the last search: the position is certain again, or the flight has ended."""
-        self._best_m = None
 
     def act(
         self,
