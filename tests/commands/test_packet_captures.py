@@ -199,7 +199,7 @@ class TestOfAnOuster:
     @pytest.mark.parametrize(
         ("content", "problem"),
         [
-            (None, "cannot be read: No such file or directory"),
+            (None, "no such file"),
             (b"\xff\xfe", "is no text"),
             (b"{}", "is no description of an Ouster: "),
         ],

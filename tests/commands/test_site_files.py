@@ -168,7 +168,7 @@ def test_a_site_is_shown_and_read_back(tmp_path, capsys):
         (("from-cloud", "a.obj", "--at", "1,2", "--out", "{out}"), "a.obj: ends in '.obj', must"),
         (("from-cloud", "a", "--at", "1", "--out", "{out}"), "--at: is '1', must be LAT,LON"),
         (("from-map", "a.txt", "--out", "{out}"), "a.txt: must end in one of .kml, .geojson"),
-        (("from-map", "a.kml", "--out", "{out}"), "a.kml: No such file or directory"),
+        (("from-map", "a.kml", "--out", "{out}"), "a.kml: no such file"),
         (("show", str(SHIPPED)), "show: writes nothing: give one of --kml, --geojson, --qgc-plan"),
         (("draw", "a"), "site: is 'draw', must be one of from-cloud, from-map, show"),
         (("from-map", "a.kml", "--standoff", "-1"), "--standoff: is '-1', must be a number of"),

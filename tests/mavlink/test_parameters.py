@@ -224,7 +224,7 @@ def test_the_version_is_requested_until_it_arrives(story, autopilot):
                 "GUID_TIMEOUT": 3.0,
                 "FS_OPTIONS": 16.0,
                 "SYSID_MYGCS": 255.0,
-                "RTL_ALT": 1500.0,
+                "RTL_ALT_M": 15.0,
                 "FS_EKF_THRESH": pytest.approx(0.8),
             },
         ),

@@ -164,7 +164,7 @@ def test_a_port_in_use_is_one_line(settings):
 
 def test_a_description_that_cannot_be_used_is_one_line(settings, tmp_path):
     ouster = replace(settings, sensor=Sensor.OUSTER, metadata=tmp_path / "none.json")
-    with pytest.raises(InputError, match=r"none\.json: cannot be read: No such file"):
+    with pytest.raises(InputError, match=r"none\.json: no such file"):
         PerceptionProcess(ouster, SITE)
     (tmp_path / "bad.json").write_text("{")
     with pytest.raises(InputError, match=r"bad\.json: is no JSON"):

@@ -219,7 +219,7 @@ def test_a_file_that_cannot_be_read_is_reported_and_stays(file, tmp_path, caplog
     (tmp_path / "state" / "mission.json").mkdir()
     assert file.load(0.0) is None
     (record,) = caplog.records
-    assert record.getMessage().endswith("mission.json: not read: Is a directory")
+    assert record.getMessage().endswith("mission.json: not read: is a directory, must be a file")
 
 
 def test_the_file_is_json_with_the_time_of_the_wall_clock(file, tmp_path):
