@@ -49,6 +49,9 @@ class ParameterRequests:
         self._assumed: Release = (0, 0, 0)
         self._release: Release | None = None
         """As the autopilot reports it; else by the names that it answers."""
+        self._reported = False
+        """True if the autopilot has reported its release. A name that it answers shows the
+        spelling alone: the oldest release with that name."""
         self._began_s = -math.inf
         self._values: dict[str, float | None] = {}
         self._names: dict[str, Name] = {}
@@ -78,7 +81,7 @@ class ParameterRequests:
     def start(self, known: Profile, now_s: float) -> None:
         """Requests all parameters of a found or restarted autopilot, by the names of its kind."""
         self._table, self._assumed = known.parameters, known.assumed_release
-        self._release, self._began_s = None, now_s
+        self._release, self._reported, self._began_s = None, False, now_s
         self._asked = dict.fromkeys([*self._values, *self._asked], (0, -math.inf))
         self._values.clear()
         self._names.clear()
@@ -87,16 +90,20 @@ class ParameterRequests:
 
     def learn_release(self, release: Release) -> None:
         """Takes the version that the firmware reports."""
-        if release != self._release:
-            self._release = release
+        if not self._reported or release != self._release:
+            self._release, self._reported = release, True
             self._apply_release()
 
     def _apply_release(self) -> None:
-        """Names the parameters as the release does; one that it does not have needs no request."""
+        """Names the parameters as the release does.
+
+        Those that a reported release does not have are not requested.
+        """
         for key in self._rank:
             if self._values.get(key) is None:
                 self._names[key] = self._candidates(key)[0]
-                absent = None if self._release is None else self._table.absent(key, self._release)
+                reported = self._release if self._reported else None
+                absent = None if reported is None else self._table.absent(key, reported)
                 if absent is not None:
                     self._asked.pop(key, None)
                     self._values[key] = absent

@@ -187,6 +187,18 @@ def test_parameters_are_taken_from_the_autopilot_on_its_own_link_alone(story, au
     assert story.session.requests.parameters == {"A": 2.0}
 
 
+def test_only_a_reported_version_lacks_parameters_and_a_name_that_is_answered_shows_no_version():
+    """ArduCopter has FENCE_AUTOENABLE from 4.6 on, and WPNAV_ACCEL until 4.7."""
+    requests = ParameterRequests()
+    requests.start(profile(ARDUPILOT), 0.0)
+    requests.want(["WP_ACC", "FENCE_AUTOENABLE"])
+    requests.handle(value_message("WPNAV_ACCEL", 250.0), ARDUPILOT)
+    assert requests.values == {"WP_ACC": 2.5}
+    assert "FENCE_AUTOENABLE" in set(requests.requests(1.0))
+    requests.learn_release((4, 5, 7))
+    assert requests.values == {"WP_ACC": 2.5, "FENCE_AUTOENABLE": 0.0}
+
+
 def test_the_version_is_requested_until_it_arrives(story, autopilot):
     def asked(seconds):
         return sum(
