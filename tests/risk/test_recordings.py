@@ -88,7 +88,6 @@ CAUSES = {
     ("px4/d1_gps_degradation", "battery"): "the simulated battery falls from 100 to 50 %",
     ("px4/d1_gps_degradation", "wind"): "without a position the lean tells nothing of the wind",
     ("px4/d3_gps_silent_v117", "battery"): "the simulated battery falls from 100 to 50 %",
-    ("px4/d3_gps_silent_v117", "wind"): "its motors are at their limit for a moment",
 }
 
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone.yaml")
