@@ -4,7 +4,8 @@ RADIO_STATUS has no units: each firmware fills its fields in its own way, and no
 `kind_of` recognises a firmware by its ids and by fields that it alone leaves at 0 or 255; `signal`
 gives what its fields mean. Sources: SiK (ids "3" and "D", 51 and 68; RFD900x as it), mLRS
 (mavlink_interface_rx.h, rssi_i8_to_ap, docs/LINK_STATS), ExpressLRS (SerialMavlink.cpp). WLAN
-bridges such as MavESP8266 use the fields for yet other values: unknown.
+bridges such as MavESP8266 and wfb-ng (proxy.py: signed dBm) use the fields for yet other values:
+unknown.
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ _MLRS_SENSITIVITY_DBM = -105
 """Weakest signal that mLRS receives in its 50 Hz mode; its slower modes receive weaker ones."""
 _MLRS_MOST_NOISE = 127
 """Greatest noise that mLRS reports."""
+_ELRS_MOST_DBM = 127
+"""Weakest signal that ExpressLRS can report, without its sign: greater is a negative number."""
+_ELRS_MOST_SNR_DB = 40
+"""Above any signal-to-noise ratio of ExpressLRS, which reports it as a signed byte in `noise`."""
 
 
 class RadioKind(str, enum.Enum):
@@ -108,15 +113,20 @@ def kind_of(
     sender: its ids; None in a log, which has none. errors: broken and corrected packets. before:
     the kind of the radio until now.
     """
+    may_be_elrs = (
+        remote_noise == 0
+        and errors == 0
+        and remote_rssi <= _ELRS_MOST_DBM
+        and min(noise, 256 - noise) <= _ELRS_MOST_SNR_DB
+    )
     if sender not in {None, _SIK_IDS}:
         of_radio = sender is not None and sender[1] == _TELEMETRY_RADIO
-        elrs = of_radio and remote_noise == 0 and errors == 0
-        return RadioKind.ELRS if elrs else RadioKind.UNKNOWN
+        return RadioKind.ELRS if of_radio and may_be_elrs else RadioKind.UNKNOWN
     if errors == 0 and remote_noise == _UNKNOWN_U8 and noise <= _MLRS_MOST_NOISE:
         return RadioKind.MLRS
     # A SiK radio that receives its peer never reports a noise of 0 there.
-    elrs = remote_noise == 0 and (remote_rssi > 0 or before is RadioKind.ELRS)
-    if sender is None and errors == 0 and elrs:
+    received = remote_rssi > 0 or before is RadioKind.ELRS
+    if sender is None and may_be_elrs and received:
         return RadioKind.ELRS
     return RadioKind.SIK if noise > 0 else RadioKind.UNKNOWN
 

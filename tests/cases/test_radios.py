@@ -39,6 +39,28 @@ def _fading(sender: tuple[int, int], kind: RadioKind | None = None):
     return replay
 
 
+@cache
+def _wfb_ng(signal_dbm: int):
+    """wfb-ng: the signal in dBm as a signed byte, in both fields; healthy, then with repairs."""
+
+    def also(packets, time_s):
+        repaired = 0 if time_s < 10.0 else 3
+        rssi = signal_dbm & 255
+        status = m.MAVLink_radio_status_message(rssi, rssi, 100, 0, 0, 0, repaired)
+        packets.put(time_s, status, by=(3, 68))
+
+    flown = hover(duration_s=20.0, rate_hz=5, autopilot=ARDUPILOT, also=also)
+    return flown.played(VEHICLE)
+
+
+@pytest.mark.parametrize("signal_dbm", [-30, -75, -110])
+def test_wfb_ng_is_unknown_with_and_without_repairs(signal_dbm):
+    replay, listener = _wfb_ng(signal_dbm)
+    assert listener.telemetry.radio.kind is RadioKind.UNKNOWN
+    assert "radio link quality here" not in replay.measures["communication"]
+    assert replay.measures["communication"]["radio margin here"].greatest_risk is None
+
+
 @pytest.mark.parametrize("sender", [(1, 68), (255, 68)])
 def test_the_risk_rises_as_the_link_quality_of_expresslrs_falls(sender):
     replay = _fading(sender)
