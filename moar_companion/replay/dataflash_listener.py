@@ -43,7 +43,7 @@ from ..telemetry import (
     Telemetry,
 )
 from ..text_format import printable
-from ..types import AutopilotKind, GeodeticPoint
+from ..types import AutopilotKind, GeodeticPoint, Vector
 
 _ALIVE_S = 0.5
 """Age from which the mode counts as reported again: the log has its changes, and a log entry shows
@@ -104,8 +104,8 @@ class DataflashListener:
         number = next((fields[key] for key in _NUMBERS if key in fields), _TABLE[name][2])
         before = self.telemetry
         try:
-            events = _TABLE[name][1](self, {**fields, _NUMBER: number}, now_s) or []
-        except (KeyError, TypeError):  # fields of another version
+            events = _TABLE[name][1](self, {**_known(fields), _NUMBER: number}, now_s) or []
+        except (KeyError, TypeError):  # fields of another version, or without a value
             return []
         status = self.telemetry.autopilot
         if status is not None and now_s - status.received_s > _ALIVE_S:
@@ -216,8 +216,8 @@ class DataflashListener:
         local = LocalPosition(
             received_s=now_s,
             boot_s=fields["TimeUS"] * 1e-6 if "TimeUS" in fields else fields["TimeMS"] * 1e-3,
-            position_ned_m=(fields["PN"], fields["PE"], fields["PD"]),
-            velocity_ned_mps=(fields["VN"], fields["VE"], fields["VD"]),
+            position_ned_m=_vector(fields, "PN", "PE", "PD"),
+            velocity_ned_mps=_vector(fields, "VN", "VE", "VD"),
         )
         self.telemetry = replace(self.telemetry, local_position=local)
 
@@ -241,7 +241,8 @@ class DataflashListener:
     def read_wind(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes XKF2: the estimated wind; zero is no estimate."""
         if fields[_NUMBER] == self._core:
-            wind = (fields["VWN"], fields["VWE"], 0.0)
+            known = None not in {fields["VWN"], fields["VWE"]}
+            wind = (fields["VWN"], fields["VWE"], 0.0) if known else (0.0, 0.0, 0.0)
             self.telemetry = with_wind(self.telemetry, now_s, wind, 0.0)
 
     # Health
@@ -260,10 +261,10 @@ class DataflashListener:
             flags=flags,
             horizontal_position_ok=horizontal_position_ok(flags, _GLITCH),
             horizontal_accuracy_m=None,
-            velocity_innovation=innovation(fields["SV"]),
-            position_innovation=innovation(fields["SP"]),
-            height_innovation=innovation(fields["SH"]),
-            compass_innovation=innovation(compass),
+            velocity_innovation=innovation(fields["SV"] or 0.0),
+            position_innovation=innovation(fields["SP"] or 0.0),
+            height_innovation=innovation(fields["SH"] or 0.0),
+            compass_innovation=innovation(compass or 0.0),
         )
         self.telemetry = replace(self.telemetry, estimator=estimator)
 
@@ -297,7 +298,7 @@ class DataflashListener:
             received_s=now_s,
             remaining=self._remaining(number, fields),
             voltage_v=_units(fields["Volt"]) or None,
-            current_a=current_a if current_a >= 0.0 else None,
+            current_a=current_a if current_a is not None and current_a >= 0.0 else None,
             charge_state=None,
         )
         batteries = {**self.telemetry.batteries, number: battery}
@@ -306,9 +307,9 @@ class DataflashListener:
     def _remaining(self, number: int, fields: dict[str, Any]) -> float | None:
         """Fraction left: as logged, before 4.1 of the capacity, as ArduPilot reports it."""
         if "RemPct" in fields:
-            percent = float(fields["RemPct"])
-            return percent / 100.0 if 0 <= percent <= 100 else None
-        used_mah, capacity_mah = float(fields["CurrTot"]), self._capacities_mah.get(number, 0.0)
+            percent = fields["RemPct"]
+            return percent / 100.0 if percent is not None and 0 <= percent <= 100 else None
+        used_mah, capacity_mah = fields["CurrTot"] or 0.0, self._capacities_mah.get(number, 0.0)
         if used_mah <= 0.0 or capacity_mah <= 0.0:  # 0: the current is not measured
             return None
         return max(0.0, 1.0 - used_mah / capacity_mah)
@@ -345,13 +346,28 @@ class DataflashListener:
         )
 
 
+def _known(fields: dict[str, Any]) -> dict[str, Any]:
+    """Fields with None for NaN and infinite numbers: no measurement."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in fields.items()
+    }
+
+
+def _vector(fields: dict[str, Any], *names: str) -> Vector:
+    """Three numbers; TypeError where one is unknown."""
+    first, second, third = (float(fields[name]) for name in names)
+    return first, second, third
+
+
 def _point(fields: dict[str, Any]) -> GeodeticPoint:
+    latitude_deg, longitude_deg, altitude_m = _vector(fields, "Lat", "Lng", "Alt")
     return GeodeticPoint(
-        latitude_deg=fields["Lat"], longitude_deg=fields["Lng"], altitude_amsl_m=fields["Alt"]
+        latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude_m
     )
 
 
-def _units(value: float) -> float:
+def _units(value: float | None) -> float | None:
     """Volts or amperes: whole numbers are hundredths, as logged before 3.4."""
     return value / 100.0 if isinstance(value, int) else value
 

@@ -156,6 +156,49 @@ def test_texts_of_the_start_name_the_vehicle(text, vehicle_type):
     assert listener.vehicle_type == vehicle_type
 
 
+@pytest.mark.parametrize("nothing", [math.nan, math.inf, -math.inf])
+def test_a_number_that_was_not_measured_is_unknown(nothing):
+    whole = {"Volt": 15.2, "Curr": 11.0, "CurrTot": 500.0}
+    for name in whole:
+        capacity = ("PARM", {"Name": "BATT_CAPACITY", "Value": 5000.0})
+        battery = telemetry(capacity, ("BAT", whole | {name: nothing})).batteries[0]
+        found = {
+            "Volt": battery.voltage_v, "Curr": battery.current_a, "CurrTot": battery.remaining,
+        }  # fmt: skip
+        assert found.pop(name) is None
+        assert None not in found.values()
+    no_capacity = ("PARM", {"Name": "BATT_CAPACITY", "Value": nothing})
+    assert telemetry(no_capacity, ("BAT", whole)).batteries[0].remaining is None
+    assert telemetry(("BAT", whole | {"RemPct": nothing})).batteries[0].remaining is None
+    assert telemetry(("RSSI", {"RXRSSI": nothing})).remote_control.rssi is None
+    gps = {"GMS": 1, "GWk": 1, "Status": 3, "NSats": 9, "HDop": nothing}
+    accuracy = ("GPA", {"VDop": nothing, "HAcc": nothing, "VAcc": nothing})
+    gnss = telemetry(accuracy, ("GPS", gps)).gnss
+    assert (gnss.hdop, gnss.vdop, gnss.horizontal_accuracy_m) == (None, None, None)
+    health = {"SV": nothing, "SP": 0.1, "SH": 0.1, "SM": nothing, "SS": 0x1F}
+    estimator = telemetry(("XKF4", {"C": 0} | health)).estimator
+    assert (estimator.velocity_innovation, estimator.compass_innovation) == (None, None)
+    assert estimator.position_innovation == 0.1
+
+
+@pytest.mark.parametrize("nothing", [math.nan, math.inf])
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("ATT", {"Roll": 1.0, "Pitch": 2.0, "Yaw": 3.0}),
+        ("XKF1", {"PN": 1.0, "PE": 2.0, "PD": 3.0, "VN": 1.0, "VE": 2.0, "VD": 3.0}),
+        ("POS", {"Lat": 1.0, "Lng": 2.0, "Alt": 3.0}),
+        ("XKF2", {"VWN": 1.0, "VWE": 2.0}),
+        ("PARM", {"Value": 1.0, "Name": "FRAME_CLASS"}),
+    ],
+)
+def test_a_message_without_a_measured_number_is_left_out(name, fields, nothing):
+    for field, value in fields.items():
+        if isinstance(value, float):
+            with_nothing = {"C": 0} | fields | {field: nothing}
+            assert telemetry((name, with_nothing)) == DataflashListener().telemetry
+
+
 def test_messages_of_other_versions_are_left_out():
     assert telemetry(("BAT", {"Volts": 1}), ("GPS", {})) == DataflashListener().telemetry
 
