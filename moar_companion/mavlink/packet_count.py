@@ -1,7 +1,8 @@
 """Counts of one sender's packets on one link: received, lost, copies. No I/O.
 
 The number in a header has 8 bits and repeats after 256 packets, which PX4 sends in 0.7 s. After a
-gap the sender's own clock (`time_boot_ms`) and its packet rate give the number of whole rounds.
+gap the sender's own clock (`time_boot_ms`) and its packet rate before the gap give the number of
+whole rounds: a rate that changes within the gap, by half a round or more, misleads it.
 A packet without that time is placed by its number if that is the next or nearly so; any other one
 waits for the next packet with a time. A sender that never reports its time is counted by the
 numbers alone.
