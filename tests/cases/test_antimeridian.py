@@ -20,6 +20,7 @@ from tests.flights.judging import assert_nothing_was_touched, in_plane
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import INSPECTION, Manner
 
+SHARED = Path(__file__).parents[3] / "shared" / "cases" / "antimeridian.csv"
 SURVEY = """\
 kind,name,latitude_deg,longitude_deg,altitude_amsl_m
 conductor,a,-17.8000,179.99990,30
@@ -55,6 +56,15 @@ def test_a_map_across_the_meridian_makes_a_site_of_metres(tmp_path: Path):
     made = Site.load(str(site))
     assert [each.position_m[0] for each in made.obstacles] == pytest.approx([13.3, 4.4], abs=0.1)
     assert all(abs(value) < 50.0 for value in (*made.workspace.lower_m, *made.workspace.upper_m))
+
+
+def test_a_start_beside_the_plane_is_refused_with_its_distance_in_metres(tmp_path, capsys):
+    if not SHARED.exists():
+        pytest.skip("no ../shared/cases beside the checkout")
+    assert main(["site", "from-map", str(SHARED), "--out", str(tmp_path / "site.yaml")]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert ": s: " in line
+    assert "9.5 m" in line
 
 
 def test_a_cloud_across_the_meridian_has_points_in_metres():
