@@ -59,14 +59,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seeds",
         metavar="A:B",
-        type=_seeds,
+        type=seeds_text,
         help=f"seeds of the campaign, B not included (default: {_SEEDS}); those that the folder "
         "has are not flown again",
     )
     parser.add_argument(
         "--workers",
         metavar="N",
-        type=_workers,
+        type=workers_number,
         help="number of processes (default: one for each core)",
     )
     parser.add_argument(
@@ -233,7 +233,8 @@ def _experiment(text: str) -> str:
     return text
 
 
-def _seeds(text: str) -> str:
+def seeds_text(text: str) -> str:
+    """The text of `--seeds`, A:B; InputError where it names no seeds."""
     first, _, end = text.partition(":")
     numbers = [part for part in (first, end) if part.isascii() and part.isdigit()]
     if len(numbers) != 2 or not int(first) < int(end):
@@ -241,7 +242,8 @@ def _seeds(text: str) -> str:
     return text
 
 
-def _workers(text: str) -> int:
+def workers_number(text: str) -> int:
+    """The number of `--workers`; InputError outside its bounds."""
     if not (text.isascii() and text.isdigit() and 1 <= int(text) <= _MOST_WORKERS):
         raise refused("--workers", text, f"must be a whole number from 1 to {_MOST_WORKERS}")
     return int(text)

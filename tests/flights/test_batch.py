@@ -15,6 +15,7 @@ from .campaign import batch, command
 from .campaign.batch import ROWS, TABLE, fly_all, timed_row, write_table
 from .campaign.report import report, summary
 from .campaign.rows import schema, table_row
+from .perceive import command as perceive_command
 
 pa = pytest.importorskip("pyarrow")
 
@@ -140,6 +141,50 @@ def test_the_scheduler_is_given_all_flights_at_once(pool, tmp_path, monkeypatch)
     cluster = pool(Here())
     fly_all(fly, range(1, 4), tmp_path, scheduler="tcp://a:1")
     assert (cluster.scheduler, cluster.flown) == ("tcp://a:1", [1, 2, 3])
+
+
+def test_a_worker_with_other_code_ends_the_run(pool, tmp_path):
+    class Older(Here):
+        def submit(self, function, fly, seed):
+            row, files = function(fly, seed)
+            future = Future()
+            future.set_result(({**row, "code": "0123456789ab"} if seed == 4 else row, files))
+            return future
+
+    pool(Older())
+    with pytest.raises(InputError, match=r"^--scheduler: .* one has another state of the code$"):
+        fly_all(fly, range(3, 6), tmp_path, scheduler="tcp://a:1")
+    kept = (tmp_path / ROWS).read_text().splitlines()
+    assert [json.loads(line)["seed"] for line in kept] == [3]
+
+
+def test_a_flight_that_has_ended_in_an_error_is_flown_again(pool, tmp_path):
+    pool(Here())
+    fly_all(fly, range(12, 15), tmp_path)
+    again = pool(Here())
+    rows = fly_all(lambda seed: ({"seed": seed, "verdict": "kept"}, {}), range(12, 15), tmp_path)
+    assert again.flown == [13]
+    assert [(row["seed"], row["verdict"]) for row in rows] == [
+        (12, "kept"), (13, "kept"), (14, "kept"),
+    ]  # fmt: skip
+    last = pool(Here())
+    assert fly_all(fly, range(12, 15), tmp_path) == rows
+    assert last.flown == []
+
+
+@pytest.mark.parametrize("main", [command.main, perceive_command.main])
+@pytest.mark.parametrize(
+    "words", [["--seeds", "5:2"], ["--seeds", "x"], ["--seeds", "1:3", "--workers", "0"]]
+)
+def test_seeds_and_workers_out_of_bounds_are_one_line(main, words, tmp_path, capsys):
+    assert main([*words, "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{words[-2]}: is {words[-1]!r}, must be" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_seeds_are_a_range_or_one():
+    assert (batch.seeds_of("3:5"), batch.seeds_of("7")) == (range(3, 5), range(7, 8))
 
 
 WHY = "holding: x 2 > 1, holding"

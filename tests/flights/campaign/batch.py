@@ -1,7 +1,8 @@
 """Many flights, each from a seed: flown by processes or a Dask cluster, kept row by row.
 
 DIR/flights.jsonl has a line for each flight, in the order of their ends: a run that is killed loses
-the flights under way alone, and the next one with the same DIR flies what is missing.
+the flights under way alone, and the next one with the same DIR flies what is missing, and anew what
+has ended in an error: the later line of a seed counts.
 DIR/flights.parquet has the same rows in the order of the seeds, from the end of a run on.
 """
 
@@ -20,6 +21,7 @@ from concurrent.futures import as_completed
 from pathlib import Path
 from typing import IO, Any
 
+from moar_companion.commands.evaluate import seeds_text, workers_number
 from moar_companion.commands.outputs import replacing
 from moar_companion.commands.task_pool import task_pool
 from moar_companion.errors import InputError
@@ -49,20 +51,22 @@ def code() -> str:
 
 
 def seeds_of(text: str) -> range:
-    """`A:B`, B not included, or one seed."""
-    first, _, end = text.partition(":")
-    try:
-        return range(int(first), int(end) if end else int(first) + 1)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be A:B or A, whole numbers") from None
+    """`A:B`, B not included, or one seed; InputError for another text."""
+    if text.isascii() and text.isdigit():
+        return range(int(text), int(text) + 1)
+    first, _, end = seeds_text(text).partition(":")
+    return range(int(first), int(end))
 
 
 def add_arguments(parser: argparse.ArgumentParser, out: str) -> None:
-    """Adds the seeds, the outputs and the processes that fly. out: default folder."""
+    """Adds the seeds, the outputs and the processes that fly. out: default folder.
+
+    Parsing raises InputError for a value that is out of bounds.
+    """
     parser.add_argument("--seeds", type=seeds_of, required=True, metavar="A:B")
     parser.add_argument("--out", type=Path, default=Path(out), metavar="DIR")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
+    where.add_argument("--workers", type=workers_number, default=1, metavar="N", help="processes")
     where.add_argument(
         "--scheduler",
         metavar="ADDRESS",
@@ -87,16 +91,19 @@ def fly_all(
 ) -> list[Row]:
     """Flies the seeds that the folder lacks; returns all of its rows, in the order of the seeds.
 
-    fly: a function of a module. Raises InputError where the folder has rows of other code, or is in
-    use by another run, or the scheduler does not answer.
+    fly: a function of a module. Raises InputError where the folder or a worker has other code, the
+    folder is in use by another run, or the scheduler does not answer.
     """
+    code()  # that of the start: files may change while it flies
     out.mkdir(parents=True, exist_ok=True)
     with (out / ROWS).open("a+b") as journal:
         try:
             fcntl.flock(journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise InputError("--out", "", f"is {str(out)!r}, another run writes there") from None
-        rows = {row["seed"]: row for row in _kept(journal, out)}
+        kept = {row["seed"]: row for row in _kept(journal, out)}
+        again = {seed for seed in seeds if kept.get(seed, {}).get("verdict") == "error"}
+        rows = {seed: row for seed, row in kept.items() if seed not in again}
         missing = [seed for seed in seeds if seed not in rows]
         for row, files in _flown(fly, missing, workers, scheduler):
             for name, content in files.items():
@@ -138,14 +145,16 @@ def _flown(
                     flight = future.result()
                 except Exception as error:  # noqa: BLE001 - not the flight's: that is a row
                     reason = f"{type(error).__name__}: {error}".splitlines()[0]
-                    raise _failed(workers, scheduler, reason) from None
+                    raise _failed(workers, scheduler, f"a process ended: {reason}") from None
+                if flight[0]["code"] != code():
+                    raise _failed(workers, scheduler, "one has another state of the code")
                 yield flight
 
 
 def _failed(workers: int, scheduler: str | None, reason: str) -> InputError:
     """The error of the processes or the cluster that should fly."""
     if scheduler is None:
-        return InputError("--workers", "", f"is {workers}, and a process ended: {reason}")
+        return InputError("--workers", "", f"is {workers}, and {reason}")
     needed = "its scheduler and workers must run in a checkout like this one, with PYTHONPATH=."
     return InputError("--scheduler", "", f"is {scheduler!r}, {needed}: {reason}")
 

@@ -97,14 +97,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.flights.campaign", description=__doc__)
     add_arguments(parser, "campaign")
     parser.add_argument("--trace", action="store_true", help="trace each flight; no rows")
-    options = parser.parse_args(arguments)
-    out = options.out
-    if options.trace:
-        out.mkdir(parents=True, exist_ok=True)
-        for seed in options.seeds:
-            trace(seed, out)
-        return 0
     try:
+        options = parser.parse_args(arguments)
+        out = options.out
+        if options.trace:
+            out.mkdir(parents=True, exist_ok=True)
+            for seed in options.seeds:
+                trace(seed, out)
+            return 0
         rows = fly_all(
             flown, options.seeds, out, workers=options.workers, scheduler=options.scheduler
         )

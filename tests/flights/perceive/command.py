@@ -105,9 +105,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 without a collision, 1 after a collision or an error."""
     parser = argparse.ArgumentParser(prog="python -m tests.flights.perceive", description=__doc__)
     add_arguments(parser, "perceive")
-    options = parser.parse_args(arguments)
-    out = options.out
     try:
+        options = parser.parse_args(arguments)
+        out = options.out
         rows = fly_all(
             flown, options.seeds, out, workers=options.workers, scheduler=options.scheduler
         )
