@@ -25,6 +25,7 @@ from sitl.parameters import Firmware, Parameters
 from sitl.ports import Port, Url, open_port
 from sitl.scenario import Scenario
 from sitl.signing import SignOptions
+from sitl.terminal import printable
 from sitl.truth_log import PERIOD_S, TruthLog
 from sitl.yaml_input import BadInputError
 
@@ -52,7 +53,7 @@ class _Parser(argparse.ArgumentParser):
     """Reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"sitl: {message}\n")
+        self.exit(2, f"sitl: {printable(message)}\n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,7 +268,7 @@ async def run(settings: Settings) -> int:
         )
         await _pace(vehicle, ports, log, lidar, settings.speed, stop)
     except OSError as error:
-        print(f"sitl: {error}", file=sys.stderr)
+        print(f"sitl: {printable(str(error))}", file=sys.stderr)
         return 1
     finally:
         for port in ports.values():

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from sitl.input_file import open_file
+
 _DIGITS: Final = re.compile(rb"\s*([0-9A-Fa-f]{64})\s*")
 _EPOCH_S: Final = 1_420_070_400
 _UNITS_PER_S: Final = 100_000
@@ -28,7 +30,8 @@ class SignOptions:
 
         The first time stamp is that of the clock.
         """
-        content = path.read_bytes()
+        with open_file(path) as file:
+            content = file.read()
         digits = _DIGITS.fullmatch(content)
         key = content if digits is None else bytes.fromhex(digits[1].decode())
         if len(key) != 32:

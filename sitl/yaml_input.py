@@ -7,6 +7,8 @@ from typing import Any, Final, TypeVar, get_args
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from sitl.input_file import NotAFileError, open_file
+
 _MAX_BYTES: Final = 100_000
 """Some thousand entries; more would take seconds to read."""
 _MESSAGES: Final = {
@@ -26,11 +28,13 @@ class BadInputError(ValueError):
 def load_yaml(path: Path) -> object:
     """The data of a YAML file; `BadInputError` when it cannot be read."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             text = file.read(_MAX_BYTES + 1)
         if len(text) > _MAX_BYTES:
             raise BadInputError(f"{path}: larger than {_MAX_BYTES} bytes")
         data: object = yaml.safe_load(text.decode())
+    except NotAFileError as error:
+        raise BadInputError(f"{path}: {error.strerror}") from None
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise BadInputError(f"{path}: cannot be read: {reason}") from None

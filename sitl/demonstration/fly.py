@@ -28,6 +28,7 @@ from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic
 from sitl.scenario import Scenario
+from sitl.terminal import printable
 from sitl.yaml_input import BadInputError
 
 from .broker import BrokerError, broker_name, free_tcp_port, running_broker
@@ -95,7 +96,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _failed(message: str, status: int) -> int:
-    sys.stderr.write(f"sitl/fly: {message}\n")
+    sys.stderr.write(f"sitl/fly: {printable(message)}\n")
     return status
 
 

@@ -7,12 +7,14 @@ import math
 from pathlib import Path
 from typing import NoReturn
 
+from sitl.terminal import printable
+
 AUTOPILOTS = ("px4", "ardupilot")
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}\n")
+        self.exit(2, f"{self.prog}: {printable(message)}\n")
 
 
 def parser() -> argparse.ArgumentParser:

@@ -198,6 +198,20 @@ def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
     assert named in output
 
 
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("option", ["--scenario", "--site"])
+def test_a_pipe_is_one_line_and_status_2(option, tmp_path, capsys):
+    os.mkfifo(pipe := tmp_path / "pipe.yaml")
+    line = refused(capsys, option, str(pipe), "--out", str(tmp_path / "out"))
+    assert line.endswith("pipe.yaml: is a pipe, must be a file\n")
+
+
+@pytest.mark.parametrize("arguments", [("--site", "a\x1b[31mb.yaml"), ("a\x1b[31mb\n",)])
+def test_a_name_with_control_characters_does_not_steer_the_terminal(arguments, tmp_path, capsys):
+    (line,) = refused(capsys, *arguments, "--out", str(tmp_path)).splitlines()
+    assert line.isprintable()
+
+
 @pytest.mark.slow
 def test_a_user_sees_that_line_and_status(tmp_path):
     flown = fly("--site", "missing.yaml", "--out", str(tmp_path), timeout_s=60)

@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import os
 import resource
 import signal
 import socket
@@ -90,6 +91,35 @@ def test_bad_arguments_give_one_line_and_status_2(capsys, arguments, problem):
     error_text = capsys.readouterr().err
     assert problem in error_text
     assert error_text.count("\n") == 1
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize(
+    "arguments",
+    [["--scenario"], ["--sign-key"], ["--lidar", "127.0.0.1:2368", "--lidar-scene"]],
+    ids=lambda words: words[-1],
+)
+@pytest.mark.parametrize(
+    ("place", "kind"), [("pipe", "a pipe"), ("/dev/zero", "a device"), ("/", "a directory")]
+)
+def test_what_is_no_file_is_one_line_and_status_2(
+    arguments, place, kind, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
+    with pytest.raises(SystemExit) as caught:
+        read_arguments([*arguments, place])
+    assert caught.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(f"{place}: is {kind}, must be a file")
+
+
+@pytest.mark.parametrize("arguments", [["--scenario", "a\x1b[31mb"], ["\x1b[31mb\n"]])
+def test_a_name_with_control_characters_does_not_steer_the_terminal(arguments, capsys):
+    with pytest.raises(SystemExit):
+        read_arguments(arguments)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.isprintable()
 
 
 def test_the_defaults_are_px4s_ports_and_home():
