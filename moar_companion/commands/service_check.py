@@ -112,8 +112,7 @@ def _perception(config: CompanionConfig, vehicle: Vehicle, *, ports: bool) -> Fi
     try:
         tried(settings, str(config.file), port=ports)
     except (InputError, LinkError) as error:
-        text = error.problem if isinstance(error, InputError) else str(error)
-        return Finding(level=Level.NO_GO, subject=subject, text=text)
+        return Finding(level=Level.NO_GO, subject=subject, text=str(error))
     most_mps, port = sight_speed_mps(vehicle, config), settings.data_port
     place = "" if port is None else f" on {settings.address}:{port}"
     text = f"{settings.sensor.value}{place}, sight {settings.sight_m:g} m"

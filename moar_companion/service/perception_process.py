@@ -28,6 +28,7 @@ from ..recording.value_codec import decoded, encoded
 from ..site import Polygon, Site
 from .priority import put_behind
 
+_DESCRIPTION = "perception.metadata must be the sensor's own description, a JSON file"
 _DECODERS = {Sensor.VELODYNE: ("velodyne_decoder", "lidar"), Sensor.OUSTER: ("ouster", "ouster")}
 """Module of each sensor's decoder, and the extra that installs it."""
 _WORKER = f"{__package__}.perception_worker"
@@ -167,9 +168,9 @@ def _read_json(file: Path) -> str:
             text = stream.read().decode()
         json.loads(text)
     except OSError as error:
-        raise InputError(str(file), "", unreadable(error)) from error
+        raise InputError(str(file), "", f"{unreadable(error)}; {_DESCRIPTION}") from error
     except ValueError as error:
-        raise InputError(str(file), "", "is no JSON") from error
+        raise InputError(str(file), "", f"is no JSON; {_DESCRIPTION}") from error
     return text
 
 

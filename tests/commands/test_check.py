@@ -409,4 +409,9 @@ def test_a_description_of_an_ouster_that_is_missing_is_no_go(capsys, tmp_path):
     text = config.read_text().replace("velodyne", "ouster, metadata: lidar.json")
     config.write_text(text)
     assert check("--config", config) == 1
-    assert "perception: no such file" in capsys.readouterr().out
+    line = (
+        "lidar.json: no such file; perception.metadata must be the sensor's own description, a JSON"
+    )
+    out = capsys.readouterr().out
+    assert line in out
+    assert f"perception: {tmp_path / 'lidar.json'}: " in out
