@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from ..autopilots.parameter_names import Parameters
@@ -38,7 +39,9 @@ class RiskMonitor:
         """Contingency plans; None without a site."""
         self._answers: deque[PlanAnswer] = deque()
         """Answers to jobs of contingencies, for the next cycle."""
-        self._growth = UncertaintyGrowth()
+        self._growths: dict[str, UncertaintyGrowth] = {}
+        """Growth of the position's uncertainty, by the name of its report."""
+        self._judged_s = -math.inf
         self.accuracies: tuple[object, ...] = ()
         """Reports of position accuracy that were last noted."""
 
@@ -63,9 +66,12 @@ class RiskMonitor:
         return self.contingencies.escape_route(self.risk.meter)
 
     def uncertainty_m(self, ahead_s: float) -> float | None:
-        """The position's uncertainty after a time, at its present growth; None: not reported."""
-        known_m = self.risk.position_uncertainty_m
-        return None if known_m is None else known_m + ahead_s * self._growth.rate_mps
+        """The position's uncertainty after a time, at its last growth; None: never reported.
+
+        A source that is silent is taken to go on growing.
+        """
+        until_s = self._judged_s + ahead_s
+        return max((growth.at_m(until_s) for growth in self._growths.values()), default=None)
 
     def note_accuracy(self, telemetry: Telemetry) -> bool:
         """Takes reports of position accuracy; True if one is new: the next setpoint needs it."""
@@ -131,7 +137,14 @@ class RiskMonitor:
             power=self._power,
             demands=None if self.contingencies is None else self.contingencies.demands,
         )
-        self._growth = self._growth.followed(self.risk.position_uncertainty_m, now_s)
+        self._judged_s = now_s
+        self._growths = {
+            item.name: self._growths.get(item.name, UncertaintyGrowth()).followed(
+                item.value, item.received_s
+            )
+            for item in self.risk.position_accuracies
+            if item.value is not None and item.received_s is not None
+        }
         autopilot, model = telemetry.autopilot, self._vehicle.risk
         if autopilot is None:
             return

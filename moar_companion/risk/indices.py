@@ -100,7 +100,12 @@ class RiskEstimate:
 
     @cached_property
     def position_uncertainty_m(self) -> float | None:
-        """Position uncertainty: the estimator's largest value (PX4), else the receiver's.
+        """Position uncertainty: the greatest of `position_accuracies`; None without one."""
+        return max((item.value or 0.0 for item in self.position_accuracies), default=None)
+
+    @cached_property
+    def position_accuracies(self) -> tuple[InputReport, ...]:
+        """Last reports of the position's accuracy that count: the estimator's, else the receiver's.
 
         Each source's last value counts. While the estimator reports nothing, the receiver counts,
         too. The plane is vertical: level and height accuracy count, and the worse applies to all
@@ -110,9 +115,7 @@ class RiskEstimate:
         reported = self.last_known.get("localization", {})
         level = _ESTIMATOR if self._known_now(_ESTIMATOR) else _LEVEL
         sources = (*level, ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
-        return max(
-            (reported[name].value or 0.0 for name in sources if name in reported), default=None
-        )
+        return tuple(reported[name] for name in sources if name in reported)
 
     @cached_property
     def position_accuracy_known(self) -> bool:

@@ -53,6 +53,17 @@ def test_a_mission_resumes_when_the_uncertainty_is_small_again():
     desk.set(accuracy_m=0.3).run_until("flying", 12.0)
 
 
+@pytest.mark.slow
+def test_an_uncertainty_that_grew_and_is_not_reported_any_more_is_taken_to_grow():
+    desk = at_target()
+    grow(desk, 0.2, 6.0)
+    assert desk.state == "holding"
+    desk.mute.add("ESTIMATOR_STATUS")
+    for _ in range(15):
+        desk.run(1.0)
+        assert desk.state == "holding"
+
+
 def test_an_uncertainty_that_is_large_but_steady_starts_no_leg_while_there_is_room():
     desk = at_target()
     began_m = east_m(desk)

@@ -35,8 +35,22 @@ def test_a_growth_is_known_after_three_seconds():
 
 
 def test_reports_once_a_second_are_enough():
-    growth = grown(reports(lambda now_s: 0.3 + 0.3 * int(now_s)))
-    assert growth.rate_mps >= 0.15
+    growth = grown(reports(lambda now_s: 0.3 + 0.3 * now_s, period_s=1.0))
+    assert growth.rate_mps == pytest.approx(0.3)
+
+
+def test_two_lost_reports_of_one_a_second_do_not_end_a_growth():
+    rising = reports(lambda now_s: 0.3 + 0.3 * now_s, until_s=20.0, period_s=1.0)
+    for lost in range(5, 18):
+        for until in range(lost + 3, 21):
+            kept = [*rising[:lost], *rising[lost + 2 : until]]
+            assert grown(kept).rate_mps == pytest.approx(0.3)
+
+
+def test_a_silent_source_is_taken_to_go_on_growing():
+    growth = grown(reports(lambda now_s: 0.3 * now_s))
+    assert growth.at_m(20.0) == pytest.approx(6.0, abs=0.3)
+    assert growth.followed(3.0, 10.0) == growth
 
 
 def test_a_step_is_no_growth():
@@ -50,9 +64,8 @@ def test_a_growth_that_ends_is_over_within_two_seconds():
     assert grown(ended).rate_mps == 0.0
 
 
-def test_a_shrinking_or_unknown_value_is_no_growth():
+def test_a_shrinking_value_is_no_growth():
     assert grown(reports(lambda now_s: 3.0 - 0.2 * now_s)).rate_mps == 0.0
-    assert grown([*reports(lambda now_s: 0.3 * now_s), (10.1, None)]).rate_mps == 0.0
 
 
 def test_noise_of_a_receiver_stays_below_the_limit():
