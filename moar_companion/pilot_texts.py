@@ -90,6 +90,12 @@ NO_REFUGE = PilotText(
     meaning="no leg leads to a place where a position error of that size reaches no obstacle",
     remedy="take over, and fly away from the line by sight",
 )
+NO_BLIND_REFUGE = PilotText(
+    pattern="no fix: no place near is clear to land",
+    meaning="no short leg leads to a place from where the autopilot's landing without a position "
+    "hits nothing",
+    remedy="take over, and fly away from the line by sight",
+)
 
 # Answers to orders
 

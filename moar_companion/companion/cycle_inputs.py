@@ -202,7 +202,7 @@ class CycleInputs:
             room_m=room_m,
             widening_m=widening_m(risk, self._margin),
             uncertainty_soon_m=self._risk_monitor.uncertainty_m(AHEAD_S),
-            error_hits=None if pose is None else self._error_hits(pose),
+            error_hits=None if pose is None else self._error_hits(pose, status),
             in_control=begins or status.state in IN_CONTROL,
             escaping=escapes(status),
             landing=self._mode_requester.is_landing(telemetry.autopilot, now_s),
@@ -255,11 +255,11 @@ class CycleInputs:
             now_s=now_s,
         )
 
-    def _error_hits(self, pose: Pose) -> str | None:
+    def _error_hits(self, pose: Pose, status: MissionStatus) -> str | None:
         """Name of the obstacle that the position's error will reach, here or at the stop point.
 
         None below the uncertainty limit: plans keep that distance. None, too, where no place is
-        better: an escape route may lead to one.
+        better: an escape route may lead to one. An inflated escape route goes on: it leads away.
         """
         here_m = pose.position_m
         flight, site_maps = self._routes.flight, self._routes.limits.site_maps
@@ -268,9 +268,13 @@ class CycleInputs:
             return None
         if site_maps is None or not site_maps.site.obstacles or self._refuge.is_best(here_m):
             return None
+        inflated = flight is not None and flight.path.volume.reach is not None
+        if inflated and escapes(status) and status.state in ON_THE_WAY:
+            return None
+        slack_m = math.sqrt(2.0) * site_maps.maps.grid.resolution_m  # paths lead through centres
         for place_m in (here_m, here_m if flight is None else flight.stop_m):
             room_m = site_maps.room_m(replace(pose, position_m=place_m), self._vehicle.radius_m)
-            if room_m is not None and room_m + site_maps.site.margin.position_m < soon_m:
+            if room_m is not None and room_m + site_maps.site.margin.position_m + slack_m < soon_m:
                 return site_maps.maps.reach.nearest((place_m[0], place_m[2]))
         return None
 

@@ -166,8 +166,16 @@ class MissionExecutor:
             )
             leaving_s = None if route is None else route.exposed_s
             blind = trouble(telemetry, self.risk.localization.receivers, now_s) is not None
+            flight = self.routes.flight
             self._refuge.look(
-                volume, watch.failsafes, place_m, landing, leaving_s, now_s, blind=blind
+                volume,
+                watch.failsafes,
+                place_m,
+                landing,
+                leaving_s,
+                now_s,
+                blind=blind,
+                leaves=flight is not None and flight.leaves,
             )
             limit_s = self._inputs.exposure_limit_s(self.status)
             note = watch.note(limit_s, self.status.since_s, now_s)

@@ -6,6 +6,7 @@ refuse a plan or to hold, and warnings for operators.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from .. import pilot_texts
@@ -29,7 +30,7 @@ from .plan_requests import Awaited
 from .reports import Reports
 
 _PLACES = 16
-"""Places of a plan at which a landing without a position is looked at."""
+"""Most places of a plan at which a landing without a position is looked at."""
 
 
 class OffboardLossCheck:
@@ -159,7 +160,7 @@ class OffboardLossCheck:
 
         Some of the places are looked at: the search takes a millisecond for each.
         """
-        places_m = places_m[:: max(1, len(places_m) // _PLACES)]
+        places_m = places_m[:: max(1, math.ceil(len(places_m) / _PLACES))]
         site, maps = site_maps.site, site_maps.maps
         lost = unprotected(failsafes, site, self._vehicle, maps, places_m)
         return failsafe_hit(failsafes, maps.reach, places_m[lost], drifting=True)

@@ -22,6 +22,8 @@ from ..mavlink.session import Severity
 from ..mission.values import MissionStatus
 from ..mission_states import MissionState
 from ..planner.escape import refuge_leg
+from ..planner.grid import FloatArray
+from ..planner.maps import Maps
 from ..planner.regions import obstacle_room_m
 from ..power import PowerModel
 from ..safety.condition_types import Action
@@ -41,9 +43,14 @@ _LASTS_S = 30.0
 until then."""
 _BLIND_M = 1.0
 """Error that dead reckoning adds until the end of the leg: 0.9 m in 5 s, as PX4 reports it."""
-_OVERDUE_S = 15.0
+_OVERDUE_S = 10.0
 """Time after which an action that was due does not come: PX4 holds 5 s before it (COM_FAIL_ACT_T),
 and its charge is filtered. The escape route goes on then."""
+_BLIND_BEGINS_S = 8.0
+"""Time after the loss of the fix in which a leg may begin: ArduPilot lands 7.9 s after it. An
+autopilot that has not landed by then has another source of its position."""
+_CACHED = 8
+"""Number of failsafes whose cells are kept."""
 _ELSEWHERE_M = 5.0
 """Distance from a place without a better one from which another search may find one."""
 _AGAIN_S = 0.5
@@ -85,10 +92,16 @@ class Refuge:
         self._risk_monitor = risk_monitor
         self._reports = reports
         self._due_s = -math.inf
-        self._said = False
-        """True once it was reported that no place is clear."""
+        self._look_due_s = -math.inf
+        self._said: set[str] = set()
+        """Threats of which it was reported that no place is clear."""
         self._best_m: PlanePoint | None = None
-        """Place from where no leg to a better one was found; None: there was no such search."""
+        """Place from where no leg leads to one better against a position error; None: not known."""
+        self._blind_until_s: float | None = None
+        """Time until which a leg may begin for the lost fix, once; None: there is a fix."""
+        self._spare_m: dict[Failsafes, FloatArray] = {}
+        """Drift to spare in the cells of `_spare_maps`."""
+        self._spare_maps: Maps | None = None
         self._due_since_s: float | None = None
         """Time since which the battery's action is due by the forecast."""
         self.blind_hit: str | None = None
@@ -106,19 +119,26 @@ class Refuge:
         now_s: float,
         *,
         blind: bool,
+        leaves: bool,
     ) -> None:
         """Updates the threats to a place; they stay where that is unknown.
 
-        blind: the receiver has no fix. landing: the battery's next action that moves the aircraft,
-        and the time until it. leaving_s: time until the escape route has left all places from where
-        that hits an obstacle.
+        blind: the receiver has no fix. leaves: a leg to a refuge is flown. landing: the battery's
+        next action that moves the aircraft, and the time until it. leaving_s: time until the escape
+        route has left all places from where that hits an obstacle.
         """
         if (self._risk_monitor.uncertainty_m(AHEAD_S) or 0.0) <= self._limit_m:
             self._best_m = None  # the position is certain again
-        if place_m is None:
+        if not blind:
+            self._blind_until_s = self.blind_hit = None
+        elif self._blind_until_s is None:
+            self._blind_until_s, self._look_due_s = now_s + _BLIND_BEGINS_S, -math.inf
+        if place_m is None or now_s < self._look_due_s:
             return
+        self._look_due_s = now_s + _AGAIN_S
         here_m = (place_m[0], place_m[2])
-        self.blind_hit = self._blind_hit(volume, failsafes.of(_BLIND), here_m) if blind else None
+        counts = blind and (leaves or self._blind_leg_may_begin(now_s))
+        self.blind_hit = self._blind_hit(volume, failsafes.of(_BLIND), here_m) if counts else None
         self.battery_landing = None
         due = landing is not None and landing[1] <= 0.0
         if not due or self._due_since_s is None:
@@ -132,8 +152,11 @@ class Refuge:
             left_s, noun = seconds(math.floor(landing[1])), landing[0].action.noun
             self.battery_landing = f"{noun} {left_s} s < {seconds(math.ceil(leaving_s))} to leave"
 
+    def _blind_leg_may_begin(self, now_s: float) -> bool:
+        return self._blind_until_s is not None and now_s < self._blind_until_s
+
     def is_best(self, place_m: Vector) -> bool:
-        """True if the last search found no better place than this one: to hold there is no help."""
+        """True if the last search found no place better against a position error than this one."""
         x_m, _, z_m = place_m
         best_m = self._best_m
         return best_m is not None and math.dist(best_m, (x_m, z_m)) < _ELSEWHERE_M
@@ -150,39 +173,53 @@ class Refuge:
         holds = status.state is MissionState.HOLDING and status.requested is None
         leaves = holds and ruling.action is Action.LEAVE
         if flight is None or not holds:
-            self._said = False
+            self._said.clear()
         if flight is None:
             return
         if flight.leaves and not leaves:
             flight.brake()
         if flight.leaves or not holds or not flight.stopped or now_s < self._due_s:
             return
-        self._due_s = now_s + _AGAIN_S
         volume, place_m = flight.path.volume, flight.path.place_m
         here_m = place_m[0], place_m[2]
         if leaves:
+            self._due_s = now_s + _AGAIN_S
             threats = _Threats(
                 error=ruling.acts("error_reach"),
-                blind=ruling.acts("blind_landing"),
+                blind=ruling.acts("blind_landing") and self._blind_leg_may_begin(now_s),
                 battery=ruling.acts("battery_landing"),
             )
             found = self._search(volume, failsafes, here_m, threats)
+            if threats.blind:
+                self._blind_until_s = -math.inf  # no second leg, also where the first one helps not
             if found.leg_m is not None:
                 flight.begin_leaving(found.leg_m)
                 return
-            self._best_m = here_m if found.lacking else None
+            if threats.error:
+                self._best_m = here_m if found.lacking else None
+            if ruling.acts("blind_landing"):
+                self._warn_blind(volume, failsafes, here_m, now_s)
         self._warn(volume, here_m, now_s)
 
     def _warn(self, volume: FlightVolume, here_m: PlanePoint, now_s: float) -> None:
         """Reports once that the position's uncertainty reaches an obstacle from the best place."""
         known_m = self._risk_monitor.uncertainty_m(0.0)
-        if known_m is None or self._best_m is None or self._said:
+        if known_m is None or self._best_m is None or "error" in self._said:
             return
         room_m = float(obstacle_room_m(volume.site, np.array(here_m))) - self._vehicle.radius_m
         if known_m > room_m + volume.site.margin.total_m:
-            self._said = True
+            self._said.add("error")
             text = pilot_texts.NO_REFUGE(m=distance(known_m))
             self._reports.send_text(Severity.WARNING, text, now_s)
+
+    def _warn_blind(
+        self, volume: FlightVolume, failsafes: Failsafes, here_m: PlanePoint, now_s: float
+    ) -> None:
+        """Reports once that the autopilot's landing without a position hits an obstacle."""
+        hit = self._blind_hit(volume, failsafes.of(_BLIND), here_m)
+        if hit is not None and "blind" not in self._said:
+            self._said.add("blind")
+            self._reports.send_text(Severity.WARNING, pilot_texts.NO_BLIND_REFUGE(), now_s)
 
     def _search(
         self, volume: FlightVolume, failsafes: Failsafes, here_m: PlanePoint, threats: _Threats
@@ -201,7 +238,7 @@ class Refuge:
             spare_m = min(spare_m, float(room_m[0]) - needed_m)
         if spare_m >= 0.0:
             return _Found(lacking=False)
-        at_m = spare_in_cells_m(acting, volume.site, self._vehicle, maps)
+        at_m = self._spare_in_cells_m(acting, volume)
         if threats.error:
             at_m = np.minimum(at_m, maps.room_m - needed_m)
         widened_m = (self._risk_monitor.uncertainty_m(AHEAD_S) or 0.0) - kept_m
@@ -212,6 +249,16 @@ class Refuge:
         if cell is None or not (at_m[cell] >= 0.0 or at_m[cell] > spare_m + _WORTH_M):
             return _Found(lacking=True)
         return _Found(lacking=True, leg_m=end_m, frees=bool(at_m[cell] >= 0.0))
+
+    def _spare_in_cells_m(self, failsafes: Failsafes, volume: FlightVolume) -> FloatArray:
+        """As `spare_in_cells_m`; kept, as it does not depend on the aircraft."""
+        if self._spare_maps is not volume.maps or len(self._spare_m) >= _CACHED:
+            self._spare_maps, self._spare_m = volume.maps, {}
+        spare_m = self._spare_m.get(failsafes)
+        if spare_m is None:
+            spare_m = spare_in_cells_m(failsafes, volume.site, self._vehicle, volume.maps)
+            self._spare_m[failsafes] = spare_m
+        return spare_m
 
     def _blind_hit(
         self, volume: FlightVolume, failsafes: Failsafes, here_m: PlanePoint

@@ -25,7 +25,7 @@ from ..planner.planner import Planner
 from ..power import PowerModel
 from ..safety.failsafe_exposure import moving
 from ..safety.failsafe_paths import exposed_places, failsafe_hit
-from ..safety.refuges import BLIND_LEG_M, unprotected
+from ..safety.refuges import blind_leg_m, unprotected
 from ..types import Mission, Vector
 from .findings import Finding, Level
 from .site_routes import SiteRoute, routes_of
@@ -55,7 +55,8 @@ def failsafe_findings(
             continue
         blind = item.trigger is Trigger.GPS_LOSS
         closing = _unprotected(planner, alone, routes) if blind else ""
-        protection = _leaving(closing) if blind else _protection(item, limits, power)
+        leg_m = blind_leg_m(planner.vehicle)
+        protection = _leaving(closing, leg_m) if blind else _protection(item, limits, power)
         found.append(
             Finding(
                 level=_level(item, limits, unprotected=bool(closing) or not blind),
@@ -84,9 +85,10 @@ def _level(item: FailsafeAction, limits: Supervision, *, unprotected: bool) -> L
     return Level.NO_GO if refused and item.trigger in UNFORESEEN else Level.WARNING
 
 
-def _leaving(closing: str) -> str:
+def _leaving(closing: str, longest_m: float) -> str:
     """Text about the leg at the loss of the fix. closing: about places where it does not help."""
-    words = f"; the companion leaves at the loss of the fix, by {BLIND_LEG_M:g} m at most"
+    words = "; the companion leaves at the loss of the fix, by "
+    words += f"{longest_m:.1f} m before the landing"
     return f"{words}: not enough everywhere" if closing else words
 
 

@@ -220,7 +220,8 @@ CONDITIONS = (
     Condition(
         name="error_reach",
         starts="the position's uncertainty is above `position_uncertainty_limit_m`, or will be "
-        "within 8 s at the growth of the last 3 s, and then reaches an obstacle from here",
+        "within 8 s at the growth of the last 3 s, and then reaches an obstacle from here; not on "
+        "an escape route that was planned for an uncertainty above the margin's",
         action=Action.LEAVE,
         after_s=0.5,
         over_s=5.0,
@@ -229,10 +230,11 @@ CONDITIONS = (
     Condition(
         name="blind_landing",
         starts="the receiver has no fix (`gnss`), and the autopilot's action without a position, "
-        "with its drift, would hit an obstacle from here",
+        "with its drift, would hit an obstacle from here; until one leg was flown or none was "
+        "found, and only one that begins within 8 s of the loss",
         action=Action.LEAVE,
         after_s=1.0,
-        over_s=5.0,
+        over_s=2.0,
         override=Override.SAFER,
     ),
     Condition(
@@ -241,7 +243,7 @@ CONDITIONS = (
         "all places from where it hits an obstacle, and a nearer place is free of that",
         action=Action.LEAVE,
         after_s=1.0,
-        over_s=10.0,
+        over_s=2.0,
         override=Override.SAFER,
     ),
     Condition(

@@ -47,6 +47,8 @@ _OVER_S = 2.0
 _FALL_S, _FALL = 5.0, 0.03
 """Least fall of the charge within this time that counts as faster than the forecast by power: ten
 times that of a flight of 15 minutes, and more than a report's rounding."""
+_FALLS_FOR_S = 2.0
+"""Least time of reports from which a fall is forecast."""
 
 
 class Exposed(NamedTuple):
@@ -188,17 +190,20 @@ class FailsafeExposure:
         return min(times_s, key=lambda item: item[1], default=None)
 
     def _falls_in_s(self, action: FailsafeAction) -> float | None:
-        """Time until an action's charge, by the fall of the last seconds; None: no fast fall."""
+        """Time until an action's charge, by the fall of the last seconds; None: no fast fall.
+
+        It counts if it lasts in both halves of that time, at the lesser rate: the voltage, and with
+        it a charge that is read from it, dips once in a climb.
+        """
         if action.charge is None or not self._charges:
             return None
-        greatest, (until_s, charge) = (
-            max(self._charges, key=lambda item: item[1]),
-            self._charges[-1],
-        )
-        fallen, fell_s = greatest[1] - charge, until_s - greatest[0]
-        if fallen < _FALL or fell_s <= 0.0:
+        (first_s, first), (last_s, last) = self._charges[0], self._charges[-1]
+        half_s = 0.5 * (last_s - first_s)
+        middle = next(charge for time_s, charge in self._charges if time_s >= first_s + half_s)
+        fall = min(first - middle, middle - last)
+        if 2.0 * half_s < _FALLS_FOR_S or first - last < _FALL or fall <= 0.0:
             return None
-        return max(0.0, charge - action.charge) * fell_s / fallen
+        return max(0.0, last - action.charge) * half_s / fall
 
     def _stayed_s(self, from_s: float, now_s: float) -> float | None:
         return None if self._since_s is None else now_s - max(self._since_s, from_s)

@@ -17,8 +17,23 @@ from ..vehicle import Vehicle
 from .failsafe_paths import spare_drift_m
 
 BLIND_LEG_M = 5.0
-"""Longest leg without a fix: at 1 m/s2 it takes 4.5 s, and PX4 lands 5 s after the loss. A longer
-one would be flown on an estimate that is off by more."""
+"""Longest leg without a fix: a longer one would be flown on an estimate that is off by more. It may
+be longer than `blind_leg_m`: then the landing begins on the way out, and ArduPilot's later."""
+_LANDS_S = 5.0
+"""Time from the loss of the fix to PX4's landing; ArduPilot's comes 7.9 s after it."""
+_NOTICED_S = 1.5
+"""Time from the loss of the fix until the aircraft leaves or brakes: the receiver's reports, and
+`blind_landing`."""
+
+
+def blind_leg_m(vehicle: Vehicle) -> float:
+    """Length of the leg that ends before the autopilot lands, with the braking before it."""
+    speed_mps, acceleration_mps2 = vehicle.speed.horizontal_mps, vehicle.guidance.acceleration_mps2
+    change_s = speed_mps / acceleration_mps2
+    left_s = max(0.0, _LANDS_S - _NOTICED_S - change_s)
+    if left_s < 2.0 * change_s:
+        return min(BLIND_LEG_M, 0.25 * acceleration_mps2 * left_s**2)
+    return min(BLIND_LEG_M, speed_mps * (left_s - change_s))
 
 
 def spare_in_cells_m(failsafes: Failsafes, site: Site, vehicle: Vehicle, maps: Maps) -> FloatArray:
@@ -45,14 +60,14 @@ def spare_at_m(
 def unprotected(
     failsafes: Failsafes, site: Site, vehicle: Vehicle, maps: Maps, places_m: FloatArray
 ) -> BoolArray:
-    """Mask (n,) of places (n, 2) from where an action hits an obstacle, and no short leg helps."""
+    """Mask (n,) of places (n, 2) from where an action hits an obstacle, and no leg ends in time."""
     mask = spare_at_m(failsafes, site, vehicle, maps, places_m) < 0.0
     if not mask.any():
         return mask
-    spare_m = spare_in_cells_m(failsafes, site, vehicle, maps)
+    spare_m, longest_m = spare_in_cells_m(failsafes, site, vehicle, maps), blind_leg_m(vehicle)
     for index in np.flatnonzero(mask):
         start_m = float(places_m[index, 0]), float(places_m[index, 1])
-        end_m = refuge_leg(site, vehicle, maps, start_m, spare_m, longest_m=BLIND_LEG_M)
+        end_m = refuge_leg(site, vehicle, maps, start_m, spare_m, longest_m=longest_m)
         cell = None if end_m is None else maps.grid.cell_of(end_m)
         mask[index] = cell is None or not spare_m[cell] >= 0.0
     return mask

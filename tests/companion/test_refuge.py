@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from moar_companion.companion import refuge
 from moar_companion.config import LossCheck, Supervision
 
 from .desk import DENIED, HOLD, INSPECTION, STEP_S, Desk
@@ -20,6 +21,28 @@ def grow(desk, rate_mps, seconds, most_m=99.0):
     for _ in range(round(seconds / STEP_S)):
         desk.set(accuracy_m=min(most_m, desk.accuracy_m + rate_mps * STEP_S)).step()
     return desk
+
+
+def at_inner_target():
+    """At the target between the circuits, with escape routes."""
+    desk = Desk().set(accuracy_m=0.3)
+    desk.contingencies = True
+    desk.run(1.2).order(INSPECTION, 1.0).run(2.5)
+    desk.send_heartbeat(desk.ours)
+    return desk.run_until("at_target", 90.0)
+
+
+def legs_begun(desk, seconds):
+    """Number of legs to a refuge that begin within a time."""
+    count, leaves = 0, False
+    for _ in range(round(seconds / STEP_S)):
+        if desk.state == "landing_leg":
+            break
+        desk.step()
+        flight = desk.companion._executor.routes.flight
+        count += flight.leaves and not leaves
+        leaves = flight.leaves
+    return count
 
 
 def east_m(desk):
@@ -118,3 +141,48 @@ def test_a_plan_without_a_refuge_from_a_blind_landing_is_refused_where_that_is_c
     desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
     assert desk.answers() == [DENIED]
     assert desk.said("GPS loss: descent hits")
+
+
+@pytest.mark.slow
+def test_at_a_lost_fix_one_leg_is_flown_and_then_a_critical_battery_evacuates():
+    desk = at_inner_target()
+    desk.set(fix_type=1)
+    assert legs_begun(desk, 15.0) == 1
+    assert desk.state == "holding"
+    assert not moves(desk)
+    desk.set(charge_state=3, battery_percent=6).run_until("flying", 5.0)
+    assert desk.said("is critical, evacuating")
+
+
+@pytest.mark.slow
+def test_a_critical_battery_evacuates_where_a_blind_landing_has_no_refuge(monkeypatch):
+    monkeypatch.setattr(refuge, "refuge_leg", lambda *_: None)
+    desk = at_inner_target()
+    desk.set(fix_type=1).run(5.0)
+    assert desk.said("no fix: no place near is clear to land")
+    desk.set(charge_state=3, battery_percent=6).run_until("flying", 5.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("accuracy_m", [2.3, 2.6])
+def test_an_evacuation_with_an_uncertain_position_reaches_its_landing_leg(accuracy_m):
+    desk = at_inner_target()
+    desk.set(charge_state=3, battery_percent=12).run(2.0)
+    desk.set(accuracy_m=accuracy_m)
+    assert legs_begun(desk, 35.0) <= 1
+    assert desk.state == "landing_leg"
+
+
+@pytest.mark.slow
+def test_a_threat_is_looked_at_twice_a_second(monkeypatch):
+    calls = []
+
+    def counted(*args, **kwargs):
+        calls.append(1)
+        return spare_at_m(*args, **kwargs)
+
+    spare_at_m = refuge.spare_at_m
+    desk = at_target()
+    monkeypatch.setattr(refuge, "spare_at_m", counted)
+    desk.set(fix_type=1).run(4.0)
+    assert len(calls) <= 12

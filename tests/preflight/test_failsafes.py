@@ -153,7 +153,7 @@ def test_a_blind_landing_on_a_conductor_is_named_in_the_last_line(policy, level)
     assert finding.text.startswith(
         "GPS loss, COM_OBL_RC_ACT 0 (descend without a position): drifting up to 4.5 m it would hit"
     )
-    assert finding.text.endswith("by 5 m at most: not enough everywhere")
+    assert finding.text.endswith("by 1.5 m before the landing: not enough everywhere")
     assert finding.closing == (
         "where GPS is lost (exit from splice-inner) the autopilot may hit right-lower"
     )
@@ -163,7 +163,7 @@ def test_a_blind_landing_on_a_conductor_is_named_in_the_last_line(policy, level)
 def test_a_blind_landing_that_a_short_leg_prevents_is_a_warning_alone(policy):
     (finding,) = of_gps(PX4, policy=policy, planner=OUTSIDE)
     assert finding.level is WARNING
-    assert finding.text.endswith("leaves at the loss of the fix, by 5 m at most")
+    assert finding.text.endswith("leaves at the loss of the fix, by 1.5 m before the landing")
     assert finding.closing == ""
 
 

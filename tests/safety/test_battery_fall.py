@@ -52,3 +52,17 @@ def test_a_fall_is_forgotten_when_the_charge_stays():
     by_power_s = left_s([(0.0, 0.5)])
     stays = [(0.1 * n, 0.5) for n in range(1, 60)]
     assert left_s([(0.0, 0.9), *stays]) == by_power_s
+
+
+@pytest.mark.parametrize("dip", [0.03, 0.1])
+def test_a_charge_that_dips_once_as_in_a_climb_is_forecast_by_the_power(dip):
+    by_power_s = left_s([(0.0, 0.6 - dip)])
+    steady = [(0.1 * n, 0.6) for n in range(30)]
+    dipped = [(3.0 + 0.1 * n, 0.6 - dip) for n in range(30)]
+    for count in range(1, 31):
+        assert left_s([*steady, *dipped[:count]]) == by_power_s
+
+
+def test_the_first_reports_after_control_begins_forecast_no_fall():
+    by_power_s = left_s([(0.0, 0.55)])
+    assert left_s([(0.0, 0.6), (0.02, 0.58), (0.04, 0.55)]) == by_power_s
