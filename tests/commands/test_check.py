@@ -325,7 +325,7 @@ def test_an_aircraft_on_real_sockets_is_reported_with_remedies_and_status_1(
     out, err = capsys.readouterr()
     assert (status, err) == (1, "")
     assert f"Aircraft on {link}\n" in out
-    assert "  ok       firmware: 1.17.0\n" in out
+    assert "  ok       firmware: PX4 1.17.0\n" in out
     assert "  warning  COM_OBL_RC_ACT: 0 (position mode" in out
     assert "set 5 (hold)" in out
     assert "PX4 would hit " in out
