@@ -275,7 +275,8 @@ class MissionExecutor:
         width_m = self.routes.inflation.lasting_m
         self._recovery.act(self.routes.flight, pose, self.status, self.ruling, width_m, now_s)
         failsafes = self.routes.limits.watch.failsafes
-        self._refuge.act(self.routes.flight, failsafes, self.status, self.ruling, now_s)
+        due, flight = self.mode_requester.landing_due, self.routes.flight
+        self._refuge.act(flight, failsafes, self.status, self.ruling, now_s, landing_due=due)
 
     def follow(self, now_s: float, step_s: float) -> None:
         """Flies on along the route and sends the gated setpoint. step_s: since the last cycle."""

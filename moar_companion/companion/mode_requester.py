@@ -61,7 +61,8 @@ class ModeRequester:
         """True if the mission has been in control since the aircraft was last on the ground."""
         self._autopilots = False
         """True if a failsafe, a return or a landing occurred since then, out of our control."""
-        self._landing_due = False
+        self.landing_due = False
+        """True while LAND is requested above the landing point, until the landing begins."""
         self._landing_asked_s: float | None = None
         """Time of a LAND request in the last cycle, which may not have been sent."""
         self._landing_sent_s = -math.inf
@@ -100,11 +101,11 @@ class ModeRequester:
 
     def note_landing(self) -> None:
         """Notes that the mission ends above its landing point: LAND is due."""
-        self._landing_due = self._allowed
+        self.landing_due = self._allowed
 
     def forget_landing(self) -> None:
         """Cancels the LAND request when an operator's order is executed."""
-        self._landing_due = False
+        self.landing_due = False
 
     def note_sent(self) -> None:
         """Notes that the requests of the last cycle were sent."""
@@ -125,7 +126,7 @@ class ModeRequester:
         if status.state not in _OFFERING:
             self._in_mode = None
         if status.state is not MissionState.HOLDING:
-            self._landing_due, self._landings_sent = False, 0
+            self.landing_due, self._landings_sent = False, 0
         if autopilot is None:
             return
         pilots = not (autopilot.ours or autopilot.homeward or took_mode(autopilot))
@@ -142,7 +143,7 @@ class ModeRequester:
             self._had_control = in_control
         if now_s - autopilot.received_s > _FRESH_S:
             return
-        if self._landing_due and autopilot.ours and at_end and status.requested is None:
+        if self.landing_due and autopilot.ours and at_end and status.requested is None:
             self._ask_for_landing(now_s)
         if self._may_take(status, autopilot, now_s):
             self._requests, self._requested_s = self._requests + 1, now_s
@@ -155,7 +156,7 @@ class ModeRequester:
         if self._landings_sent < _MOST_LANDINGS:
             self._landing_asked_s = now_s if self._session.request_land(now_s) else None
             return
-        self._landing_due = False
+        self.landing_due = False
         self._reports.send_text(Severity.WARNING, pilot_texts.NO_LANDING(), now_s)
 
     def _may_take(self, status: MissionStatus, autopilot: AutopilotStatus, now_s: float) -> bool:

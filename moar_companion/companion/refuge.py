@@ -168,9 +168,16 @@ class Refuge:
         status: MissionStatus,
         ruling: Ruling,
         now_s: float,
+        *,
+        landing_due: bool,
     ) -> None:
-        """Runs one cycle: begins a leg to a refuge, or a further one, or ends it."""
-        holds = status.state is MissionState.HOLDING and status.requested is None
+        """Runs one cycle: begins a leg to a refuge, or a further one, or ends it.
+
+        landing_due: LAND is requested, which must not be left.
+        """
+        holds = (
+            status.state is MissionState.HOLDING and status.requested is None and not landing_due
+        )
         leaves = holds and ruling.action is Action.LEAVE
         if flight is None or not holds:
             self._said.clear()

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from moar_companion.companion import refuge
-from moar_companion.config import LossCheck, Supervision
+from moar_companion.config import Authority, LossCheck, Supervision
 
-from .desk import DENIED, HOLD, INSPECTION, STEP_S, Desk
+from .desk import DENIED, EXIT, HOLD, INSPECTION, STEP_S, Desk
 
 
 def at_target(**changes):
@@ -186,3 +186,15 @@ def test_a_threat_is_looked_at_twice_a_second(monkeypatch):
     monkeypatch.setattr(refuge, "spare_at_m", counted)
     desk.set(fix_type=1).run(4.0)
     assert len(calls) <= 12
+
+
+@pytest.mark.slow
+def test_no_leg_begins_above_the_landing_point_while_the_landing_is_requested():
+    desk = Desk(authority=Authority.ENGAGE).set(accuracy_m=0.3)
+    desk.come_to("holding", EXIT, then_s=1.1)
+    assert len(desk.mode_requests()) == 1
+    above_m = east_m(desk)
+    grow(desk, 3.0, 6.0)
+    assert desk.said("m error would hit")
+    assert east_m(desk) == pytest.approx(above_m, abs=0.01)
+    assert len(desk.mode_requests()) > 1
