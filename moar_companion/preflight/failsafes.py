@@ -87,8 +87,10 @@ def _level(item: FailsafeAction, limits: Supervision, *, unprotected: bool) -> L
 
 def _leaving(closing: str, longest_m: float) -> str:
     """Text about the leg at the loss of the fix. closing: about places where it does not help."""
-    words = "; the companion leaves at the loss of the fix, by "
-    words += f"{longest_m:.1f} m before the landing"
+    reach = (
+        f"by {longest_m:.1f} m before the landing" if longest_m >= 0.1 else "late from full speed"
+    )
+    words = f"; the companion leaves at the loss of the fix, {reach}"
     return f"{words}: not enough everywhere" if closing else words
 
 
