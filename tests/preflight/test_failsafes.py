@@ -155,7 +155,7 @@ def test_a_blind_landing_on_a_conductor_is_named_in_the_last_line(policy, level)
     )
     assert finding.text.endswith("by 1.5 m before the landing: not enough everywhere")
     assert finding.closing == (
-        "where GPS is lost (exit from splice-inner) the autopilot may hit right-lower"
+        "where GPS is lost (exit from splice-inner) the autopilot may hit left-lower"
     )
 
 
