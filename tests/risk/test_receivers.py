@@ -112,13 +112,14 @@ receivers = st.builds(
     Gnss,
     received_s=st.just(NOW_S),
     receiver_s=st.none(),
-    fix_type=st.integers(0, 6),
+    fix_type=st.integers(2, 6),
     satellites=st.integers(0, 20),
     hdop=numbers,
     vdop=numbers,
     horizontal_accuracy_m=numbers,
     vertical_accuracy_m=numbers,
 )
+"""Receivers that are there: of 0 (no receiver) from the beginning none is; `WORSE` makes 2 a 1."""
 WORSE = {"satellites": -1, "fix_type": -1, "hdop": 1, "vdop": 1, "horizontal_accuracy_m": 1}
 
 
