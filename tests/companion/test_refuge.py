@@ -55,7 +55,6 @@ def moves(desk):
     return any((last.vx, last.vy, last.vz))
 
 
-@pytest.mark.slow
 def test_an_uncertainty_that_grows_is_left_before_the_limit_and_held_away_from_the_line():
     desk = at_target()
     began_m = east_m(desk)
@@ -68,7 +67,6 @@ def test_an_uncertainty_that_grows_is_left_before_the_limit_and_held_away_from_t
     assert not moves(desk)
 
 
-@pytest.mark.slow
 def test_a_mission_resumes_when_the_uncertainty_is_small_again():
     desk = at_target()
     grow(desk, 0.3, 8.0)
@@ -76,7 +74,6 @@ def test_a_mission_resumes_when_the_uncertainty_is_small_again():
     desk.set(accuracy_m=0.3).run_until("flying", 12.0)
 
 
-@pytest.mark.slow
 def test_an_uncertainty_that_grew_and_is_not_reported_any_more_is_taken_to_grow():
     desk = at_target()
     grow(desk, 0.2, 6.0)
@@ -96,7 +93,6 @@ def test_an_uncertainty_that_is_large_but_steady_starts_no_leg_while_there_is_ro
     assert east_m(desk) - began_m < 1.0
 
 
-@pytest.mark.slow
 def test_an_operators_hold_stops_the_leg_and_the_next_order_is_not_refused_for_it():
     desk = at_target()
     grow(desk, 0.3, 5.6)
@@ -109,7 +105,6 @@ def test_an_operators_hold_stops_the_leg_and_the_next_order_is_not_refused_for_i
     assert east_m(desk) == pytest.approx(stopped_m, abs=0.01)
 
 
-@pytest.mark.slow
 def test_where_no_place_is_clear_the_pilot_is_told_to_take_over():
     desk = at_target()
     grow(desk, 1.0, 16.0)
@@ -118,7 +113,6 @@ def test_where_no_place_is_clear_the_pilot_is_told_to_take_over():
     assert not moves(desk)
 
 
-@pytest.mark.slow
 def test_the_setpoint_of_a_leg_to_a_refuge_never_jumps():
     desk = at_target()
     grow(desk, 0.3, 10.0)
@@ -126,7 +120,6 @@ def test_the_setpoint_of_a_leg_to_a_refuge_never_jumps():
     assert max(map(math.dist, places, places[1:])) < 0.05
 
 
-@pytest.mark.slow
 def test_at_a_lost_fix_a_place_is_left_where_a_blind_landing_would_hit_a_conductor():
     desk = at_target()
     desk.set(fix_type=1).run(3.0)
@@ -143,7 +136,6 @@ def test_a_plan_without_a_refuge_from_a_blind_landing_is_refused_where_that_is_c
     assert desk.said("GPS loss: descent hits")
 
 
-@pytest.mark.slow
 def test_at_a_lost_fix_one_leg_is_flown_and_then_a_critical_battery_evacuates():
     desk = at_inner_target()
     desk.set(fix_type=1)
@@ -154,7 +146,6 @@ def test_at_a_lost_fix_one_leg_is_flown_and_then_a_critical_battery_evacuates():
     assert desk.said("is critical, evacuating")
 
 
-@pytest.mark.slow
 def test_a_critical_battery_evacuates_where_a_blind_landing_has_no_refuge(monkeypatch):
     monkeypatch.setattr(refuge, "refuge_leg", lambda *_: None)
     desk = at_inner_target()
@@ -163,7 +154,6 @@ def test_a_critical_battery_evacuates_where_a_blind_landing_has_no_refuge(monkey
     desk.set(charge_state=3, battery_percent=6).run_until("flying", 5.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("accuracy_m", [2.3, 2.6])
 def test_an_evacuation_with_an_uncertain_position_reaches_its_landing_leg(accuracy_m):
     desk = at_inner_target()
@@ -173,7 +163,6 @@ def test_an_evacuation_with_an_uncertain_position_reaches_its_landing_leg(accura
     assert desk.state == "landing_leg"
 
 
-@pytest.mark.slow
 def test_a_threat_is_looked_at_twice_a_second(monkeypatch):
     calls = []
 
@@ -188,7 +177,6 @@ def test_a_threat_is_looked_at_twice_a_second(monkeypatch):
     assert len(calls) <= 12
 
 
-@pytest.mark.slow
 def test_no_leg_begins_above_the_landing_point_while_the_landing_is_requested():
     desk = Desk(authority=Authority.ENGAGE).set(accuracy_m=0.3)
     desk.come_to("holding", EXIT, then_s=1.1)
