@@ -82,6 +82,7 @@ _COUNTED_TOO = {
     "cases/test_batteries_and_receivers.py",
     "cases/test_lost_packets.py",
     "cases/test_parameter_names.py",
+    "cases/test_plan.py",
     "cases/test_radios.py",
     "cases/test_recordings.py",
     "cases/test_senders.py",
