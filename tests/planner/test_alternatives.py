@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from moar_companion import Planner, RiskIndices, Site
@@ -11,7 +13,9 @@ from moar_companion.planner.analysis.alternatives import (
     RISK_LEVELS,
     alternatives,
     risk_words,
+    safety_words,
     same_path,
+    unmoved_words,
 )
 from moar_companion.types import Mission, Weights
 from tests.vehicles import named_vehicle
@@ -52,6 +56,29 @@ def test_risk_moves_the_path(planner):
     safe = by_risk[RiskIndices(wind=0.5)]
     hasty = by_risk[RiskIndices(battery=1.0)]
     assert safe.cost.safety < hasty.cost.safety
+
+
+def test_the_reason_is_told_where_no_risk_moves_the_path(planner):
+    request = planner.plan(mission="inspection", target="splice-inner").request
+    plans = alternatives(planner, request, FLOWN.adaptation_of(Mission.INSPECTION))
+    safest = planner.solve(replace(request, weights=Weights.normalised(1.0, 0.0, 0.0)))
+    fastest = planner.solve(replace(request, weights=Weights.normalised(0.0, 1.0, 0.0)))
+    assert not same_path(safest, fastest)
+    assert unmoved_words(planner, safest, [safest]) == "no risk moves the path: it is the safest"
+    words = unmoved_words(planner, fastest, [fastest])
+    assert f"safety cost {safest.cost.safety:.2f} (this {fastest.cost.safety:.2f})" in words
+    assert unmoved_words(planner, plans[0], [safest, fastest]) == ""
+    assert unmoved_words(planner, fastest, []) == ""
+
+
+def test_the_safety_of_a_plan_is_its_cost_and_its_clearance_or_the_reason_of_no_plan(planner):
+    plan = planner.plan(mission="inspection", target="splice-inner")
+    words = safety_words(plan)
+    assert words.startswith(f"safety cost {plan.cost.safety:.2f}, clearance ")
+    assert words.endswith(f"{plan.metrics.min_clearance_m:.2f} m at least")
+    none = planner.plan(mission="exit", start=(-5.0, 2.0))
+    assert safety_words(none) == "out_of_bounds"
+    assert unmoved_words(planner, none, [none]) == ""
 
 
 def test_a_problem_without_a_plan_has_none_under_any_risk(planner):
