@@ -36,4 +36,6 @@ def unreadable(error: OSError | ValueError) -> str:
         return "no such file"
     if isinstance(error, NotAFileError):
         return str(error.strerror)
-    return f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    # What os.stat says of a path with a null byte differs between versions of Python.
+    reason = "not a valid path" if isinstance(error, ValueError) else error.strerror or error
+    return f"cannot be read: {reason}"
