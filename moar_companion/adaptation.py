@@ -40,20 +40,12 @@ weights: Eq. 9 stays the default. configs/README has the figures.
 
 from __future__ import annotations
 
-import enum
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any
 
-from .types import RiskIndices, Weights
-
-
-class AdaptationKind(str, enum.Enum):
-    """Rule by which risks shift the weights."""
-
-    PAPER = "paper"
-    """Eq. 9 as printed."""
-    CALIBRATED = "calibrated"
+from .types import Mission, RiskIndices, Weights
+from .vehicle import AdaptationKind, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +91,11 @@ class Adaptation:
             return self.base
         calibration = self.calibration or Calibration.linear(self.base)
         return on_line(self.base, calibration.at(demand))
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, mission: Mission) -> Adaptation:
+        """That of a vehicle in a mission, not calibrated."""
+        return cls(base=vehicle.weights[mission], kind=vehicle.adaptation)
 
     @property
     def words(self) -> str:

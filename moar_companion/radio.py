@@ -10,9 +10,10 @@ unknown.
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 from typing import NamedTuple
+
+from .risk_model import RadioKind
 
 _SIK_IDS = (51, 68)
 """Also of mLRS. ExpressLRS has the system id that users give it, 255 by default."""
@@ -31,18 +32,6 @@ _ELRS_MOST_DBM = 127
 """Weakest signal that ExpressLRS can report, without its sign: greater is a negative number."""
 _ELRS_MOST_SNR_DB = 40
 """Above any signal-to-noise ratio of ExpressLRS, which reports it as a signed byte in `noise`."""
-
-
-class RadioKind(str, enum.Enum):
-    """Firmware of a telemetry radio, by its use of RADIO_STATUS."""
-
-    SIK = "sik"
-    """SiK and RFD900x: signal and noise at both ends, in units of about half a decibel."""
-    MLRS = "mlrs"
-    """Signals at both ends, -120 to -50 dBm as 0 to 254; noise: 10 minus the SNR in dB."""
-    ELRS = "elrs"
-    """ExpressLRS: rssi is 2.55 times the link quality in percent, remrssi the dBm without sign."""
-    UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

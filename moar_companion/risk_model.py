@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated
 
 from pydantic import Field
 
-from .radio import RadioKind
 from .yaml_file import FileFinding
 from .yaml_schema import file_key
 
@@ -35,6 +35,18 @@ class Range:
     def share(self, value: float) -> float:
         """Position of a value between the two ends: 0 at the first, 1 at the second."""
         return (value - self.low) / (self.high - self.low)
+
+
+class RadioKind(str, enum.Enum):
+    """Firmware of a telemetry radio, by its use of RADIO_STATUS."""
+
+    SIK = "sik"
+    """SiK and RFD900x: signal and noise at both ends, in units of about half a decibel."""
+    MLRS = "mlrs"
+    """Signals at both ends, -120 to -50 dBm as 0 to 254; noise: 10 minus the SNR in dB."""
+    ELRS = "elrs"
+    """ExpressLRS: rssi is 2.55 times the link quality in percent, remrssi the dBm without sign."""
+    UNKNOWN = "unknown"
 
 
 _USUAL_DRAG = (0.2, 0.005)

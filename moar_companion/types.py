@@ -96,6 +96,10 @@ class Weights:
 
 AutopilotKind = NewType("AutopilotKind", str)
 """Kind of autopilot, by its name in vehicle files; `autopilots` has a profile of each."""
+PX4, ARDUPILOT = AutopilotKind("px4"), AutopilotKind("ardupilot")
+UNKNOWN = AutopilotKind("unknown")
+AUTOPILOTS = (PX4, ARDUPILOT)
+"""Kinds that can be flown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,10 +16,8 @@ from pydantic import Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from . import yaml_file
-from .adaptation import Adaptation, AdaptationKind
-from .autopilots import PROFILES
 from .risk_model import RiskModel, risk_findings
-from .types import AutopilotKind, Mission, Weights
+from .types import AUTOPILOTS, AutopilotKind, Mission, Weights
 from .yaml_file import FileFinding
 from .yaml_schema import FileModel, Length, Name, PositiveLength, Section
 
@@ -57,6 +55,14 @@ class SpeedLimits:
     diagonal_down_mps: float
     max_mps: float
     """v_MAX: the greatest cruising speed unless configured."""
+
+
+class AdaptationKind(str, enum.Enum):
+    """Rule by which risks shift the weights."""
+
+    PAPER = "paper"
+    """Eq. 9 as printed."""
+    CALIBRATED = "calibrated"
 
 
 class YawMode(str, enum.Enum):
@@ -136,10 +142,6 @@ class Vehicle:
     guidance: Guidance = field(default_factory=Guidance)
     power: Power = field(default_factory=Power)
     risk: RiskModel = field(default_factory=RiskModel)
-
-    def adaptation_of(self, mission: Mission) -> Adaptation:
-        """The adaptation of a mission's weights, not calibrated."""
-        return Adaptation(base=self.weights[mission], kind=self.adaptation)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Vehicle:
@@ -238,12 +240,12 @@ class _WeightsFile(FileModel):
 
 
 def _known_autopilot(value: object) -> AutopilotKind | None:
-    for kind in PROFILES:
+    for kind in AUTOPILOTS:
         if value == kind:
             return kind
     if value is None:
         return None
-    expected = " or ".join(repr(kind) for kind in PROFILES)
+    expected = " or ".join(repr(kind) for kind in AUTOPILOTS)
     raise PydanticCustomError("literal_error", "must be {expected}", {"expected": expected})
 
 

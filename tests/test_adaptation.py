@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.adaptation import Adaptation, AdaptationKind, Calibration, safety_demand
+from moar_companion.adaptation import Adaptation, Calibration, safety_demand
 from moar_companion.types import RiskIndices, Weights
+from moar_companion.vehicle import AdaptationKind
 
 properties = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 index = st.floats(0.0, 1.0)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.error_margin import flown_site, margin_of, measured_margin
 from moar_companion.planner.plan_values import PlanRequest
@@ -14,13 +13,13 @@ from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Margin, Site
-from moar_companion.types import Mission, RiskIndices, Weights
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
 
 CONFIGS = shipped_configs()
 SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
 X500 = Vehicle.load(CONFIGS / "vehicles" / "x500.yaml")
-KINDS = [autopilots.PX4, autopilots.ARDUPILOT]
+KINDS = [PX4, ARDUPILOT]
 
 
 def with_tracking(tracking_m):
@@ -32,7 +31,7 @@ def test_the_margin_is_the_measured_error_of_the_autopilot(kind):
     assert margin_of(replace(X500, autopilot=kind), Supervision()) == measured_margin(kind)
 
 
-@pytest.mark.parametrize("kind", [None, autopilots.UNKNOWN])
+@pytest.mark.parametrize("kind", [None, UNKNOWN])
 def test_the_margin_of_an_unknown_autopilot_is_the_greatest(kind):
     assert measured_margin(kind) == max(
         map(measured_margin, KINDS), key=lambda margin: margin.total_m

@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 
 from moar_companion import autopilots
-from moar_companion.frames import (
-    PlaneToLocal,
-    SiteFrame,
-    radii_of_curvature_m,
-)
-from moar_companion.types import GeodeticPoint
+from moar_companion.estimation.plane_to_local import PlaneToLocal
+from moar_companion.frames import SiteFrame, radii_of_curvature_m
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN, GeodeticPoint
 
-PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 ORIGIN = GeodeticPoint(latitude_deg=45.3781, longitude_deg=-71.9295, altitude_amsl_m=210.0)
 
 
@@ -135,7 +131,7 @@ def test_ardupilots_frame_scales_degrees_by_its_own_constant():
 # The two composed -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, UNKNOWN])
 def test_local_ned_and_the_plane_are_inverse(kind):
     rng = random.Random("inverse")
     for _ in range(100):

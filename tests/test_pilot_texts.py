@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 import moar_companion
-from moar_companion import autopilots
 from moar_companion.autopilots import PROFILES, profile
 from moar_companion.autopilots.failsafe_actions import LINKS, AutopilotAction, Trigger
 from moar_companion.autopilots.parameter_names import Parameters
@@ -36,7 +35,7 @@ from moar_companion.text_format import (
     short_name,
 )
 from moar_companion.text_patterns import FIELDS, NAMES
-from moar_companion.types import Mission, RiskIndices
+from moar_companion.types import UNKNOWN, Mission, RiskIndices
 from moar_companion.yaml_schema import Name
 from tests.condition_actions import all_actions
 
@@ -108,7 +107,7 @@ def fence_names():
 PRODUCT = {
     "mission": [mission.value for mission in Mission],
     "mode": mode_names(),
-    "own_mode": [row.own_mode for row in (*PROFILES.values(), profile(autopilots.UNKNOWN))],
+    "own_mode": [row.own_mode for row in (*PROFILES.values(), profile(UNKNOWN))],
     "fence": list(fence_names()),
     "order": [order.value for order in (Order.HOLD, Order.RELEASE)],
     "risk": list(RiskIndices().as_dict()),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.radio import Radio, RadioKind, RadioLink, kind_of, link_signal, signal
+from moar_companion.radio import Radio, RadioLink, kind_of, link_signal, signal
+from moar_companion.risk_model import RadioKind
 
 SIK, MLRS, ELRS, UNKNOWN = RadioKind.SIK, RadioKind.MLRS, RadioKind.ELRS, RadioKind.UNKNOWN
 

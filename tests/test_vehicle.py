@@ -7,13 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from moar_companion import autopilots
-from moar_companion.adaptation import AdaptationKind
+from moar_companion.adaptation import Adaptation
 from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
 from moar_companion.risk_model import Range, RiskModel
-from moar_companion.types import Mission, Weights
-from moar_companion.vehicle import Guidance, SafetyShape, SpeedLimits, Vehicle, YawMode
+from moar_companion.types import PX4, Mission, Weights
+from moar_companion.vehicle import (
+    AdaptationKind,
+    Guidance,
+    SafetyShape,
+    SpeedLimits,
+    Vehicle,
+    YawMode,
+)
 
 EXAMPLE = """\
 name: LineDrone
@@ -56,7 +62,7 @@ def test_the_example_of_the_contract(tmp_path: Path) -> None:
     assert (weights.safety, weights.time, weights.energy) == pytest.approx((third, third, third))
     assert vehicle == Vehicle(
         name="LineDrone",
-        autopilot=autopilots.PX4,
+        autopilot=PX4,
         radius_m=0.6,
         safety=SafetyShape(d_min_m=1.2, d_max_m=3.0, collision=0.3, insertion=0.2, damage=0.5),
         speed=SpeedLimits(
@@ -97,7 +103,7 @@ def test_weights_are_normalised(tmp_path: Path) -> None:
 def test_the_adaptation_is_that_of_the_paper_unless_configured(tmp_path: Path) -> None:
     assert load(EXAMPLE, tmp_path).adaptation is AdaptationKind.PAPER
     vehicle = load(EXAMPLE + "adaptation: calibrated\n", tmp_path)
-    adaptation = vehicle.adaptation_of(Mission.EXIT)
+    adaptation = Adaptation.of(vehicle, Mission.EXIT)
     assert (adaptation.kind, adaptation.base) == (
         AdaptationKind.CALIBRATED,
         vehicle.weights[Mission.EXIT],

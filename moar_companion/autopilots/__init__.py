@@ -1,13 +1,13 @@
 """Differences between autopilots: one file, and so one `Profile`, for each. Pure.
 
-A new autopilot is one more file like `px4`, and its row in `_ROWS`. All other modules use
-`profile`.
+A new autopilot is one more file like `px4`, its row in `_ROWS`, and its name in
+`types.AUTOPILOTS`. All other modules use `profile`.
 """
 
 from __future__ import annotations
 
 from ..telemetry import Telemetry
-from ..types import AutopilotKind
+from ..types import UNKNOWN, AutopilotKind
 from . import ardupilot, px4, unknown
 from .profile import Profile
 
@@ -15,8 +15,6 @@ _ROWS = (
     px4.PROFILE,
     ardupilot.PROFILE,
 )
-
-PX4, ARDUPILOT, UNKNOWN = px4.KIND, ardupilot.KIND, unknown.KIND
 
 PROFILES: dict[AutopilotKind, Profile] = {row.kind: row for row in _ROWS}
 """Profiles of the autopilots that can be flown, by kind."""

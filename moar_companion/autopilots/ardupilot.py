@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ..telemetry import Failsafe
-from ..types import AutopilotKind, GeodeticPoint, Vector
+from ..types import ARDUPILOT, GeodeticPoint, Vector
 from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
@@ -54,7 +54,6 @@ from .parameter_rules import (
 )
 from .profile import FailsafeText, Profile
 
-KIND = AutopilotKind("ardupilot")
 NAME = "ArduPilot"
 
 _4_7: Release = (4, 7, 0)
@@ -385,7 +384,7 @@ def _loss(value: Mapping[str, float], parameters: Parameters) -> OffboardLoss:
         upright_mps2 / max(SOFT_MPS2, value["PSC_D_JERK"]),
     )
     return OffboardLoss(
-        kind=KIND,
+        kind=ARDUPILOT,
         name=NAME,
         action=AutopilotAction.HOLD,
         remedy="set GUID_TIMEOUT 0.5",
@@ -581,7 +580,7 @@ _RULES = (
 """In the order of the report."""
 
 PROFILE = Profile(
-    kind=KIND,
+    kind=ARDUPILOT,
     name=NAME,
     mav_autopilot=3,
     measured_releases=((4, 6),),

@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ..types import AutopilotKind, GeodeticPoint, Vector
+from ..types import PX4, GeodeticPoint, Vector
 from .failsafe_actions import AutopilotAction, FailsafeAction, Trigger
 from .fence import Area, Fence, limit
 from .offboard_loss import SOFT_MPS2, OffboardLoss
@@ -46,7 +46,6 @@ from .parameter_rules import (
 )
 from .profile import Profile
 
-KIND = AutopilotKind("px4")
 NAME = "PX4"
 
 _ACTION = Parameter("COM_OBL_RC_ACT", 0.0)  # as the actions below
@@ -269,7 +268,7 @@ def _loss(value: Mapping[str, float], _: Parameters) -> OffboardLoss:
     brakes_mps2 = max(SOFT_MPS2, min(_HARD_MPS2, value["MPC_ACC_HOR"]))
     gain_per_s = max(0.1, min(value["MPC_XY_P"], value["MPC_Z_P"]))
     return OffboardLoss(
-        kind=KIND,
+        kind=PX4,
         name=NAME,
         action=_loss_action(value),
         remedy="set COM_OBL_RC_ACT 5",
@@ -497,7 +496,7 @@ _RULES = (
 """In the order of the report."""
 
 PROFILE = Profile(
-    kind=KIND,
+    kind=PX4,
     name=NAME,
     mav_autopilot=12,
     measured_releases=((1, 17), (1, 18)),

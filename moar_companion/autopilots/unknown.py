@@ -6,15 +6,13 @@ setpoints. The actions of failsafes and after an offboard loss are unknown.
 
 from __future__ import annotations
 
-from ..types import AutopilotKind
+from ..types import UNKNOWN
 from .parameter_names import ParameterTable
 from .profile import Profile
 from .px4 import to_local_ned
 
-KIND = AutopilotKind("unknown")
-
 PROFILE = Profile(
-    kind=KIND,
+    kind=UNKNOWN,
     name="an unknown autopilot",
     mav_autopilot=None,
     measured_releases=(),

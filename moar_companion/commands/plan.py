@@ -16,9 +16,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from ..adaptation import Adaptation, AdaptationKind
+from ..adaptation import Adaptation
 from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
+from ..vehicle import AdaptationKind
 from .options import add_file, file_name, numbers, refused, require, risk_indices
 from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
 from .plan_summary import summary

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from .. import pilot_texts
+from ..adaptation import Adaptation
 from ..mavlink.session import Severity
 from ..planner.comparison import path_difference
 from ..planner.plan_values import Plan
@@ -49,7 +50,7 @@ class PlanReports:
 
         flown: rest of the plan before it; None where that could not stay.
         """
-        adaptation = plan.request.adaptation or self._vehicle.adaptation_of(plan.mission)
+        adaptation = plan.request.adaptation or Adaptation.of(self._vehicle, plan.mission)
         difference = None if flown is None else path_difference(flown, plan)
         self._reports.record(
             "plan",

@@ -79,7 +79,7 @@ class RouteManager:
         """The adaptation of a mission's weights: of the flight, if that is of this mission."""
         flight = self.flight
         flown = None if flight is None or flight.mission is not mission else flight.adaptation
-        return flown or self._vehicle.adaptation_of(mission)
+        return flown or Adaptation.of(self._vehicle, mission)
 
     def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
         """Takes maps of the site with other obstacles."""
@@ -178,7 +178,7 @@ class RouteManager:
         self._plans.ask(
             task,
             junction,
-            self._vehicle.adaptation_of(task.mission),
+            Adaptation.of(self._vehicle, task.mission),
             risk,
             width_m,
             self.limits.fence,

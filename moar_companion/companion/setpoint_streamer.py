@@ -7,8 +7,8 @@ from dataclasses import astuple, replace
 from typing import NamedTuple
 
 from ..config import Supervision
+from ..estimation.plane_to_local import PlaneToLocal
 from ..estimation.pose import Jump, Setpoint
-from ..frames import PlaneToLocal
 from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Session
 from ..safety.setpoint_gate import motion_refusal

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..adaptation import Adaptation
 from ..autopilots.failsafe_actions import BATTERY, NO_FAILSAFES, Failsafes
 from ..estimation.pose import Pose
 from ..guidance.flight_volume import FlightVolume
@@ -240,7 +241,7 @@ class ContingencyPlanner:
             vx_mps = vz_mps = 0.0
         if question.origin is not None:
             (x_m, z_m), (vx_mps, vz_mps) = self._site.target(question.origin).position_m, (0.0, 0.0)
-        adaptation = self._vehicle.adaptation_of(question.mission)
+        adaptation = Adaptation.of(self._vehicle, question.mission)
         job = PlanJob(
             job_id=self._next_job_id,
             request=PlanRequest(

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from ..autopilots import UNKNOWN, profile
+from ..autopilots import profile
 from ..telemetry import GlobalPosition, Home, LocalOrigin, Telemetry
-from ..types import AutopilotKind, GeodeticPoint
+from ..types import UNKNOWN, AutopilotKind, GeodeticPoint
 
 _COMPARABLE_S = 0.3
 """Maximum difference of the stamps of local and global position. GLOBAL_POSITION_INT comes at 5 Hz

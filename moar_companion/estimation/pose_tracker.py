@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..frames import PlaneToLocal
 from ..planner.maps import Maps
 from ..planner.regions import obstacle_clearance_m, obstacle_room_m
 from ..site import Site
 from ..telemetry import Attitude, LandedState, Telemetry
 from ..types import AutopilotKind, GeodeticPoint, Vector
 from .frame_agreement import FrameAgreement
+from .plane_to_local import PlaneToLocal
 from .pose import Jump, Pose
 
 LANDED_TIMEOUT_S = 5.0

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from ..adaptation import Adaptation, AdaptationKind
+from ..adaptation import Adaptation
 from ..planner.analysis.baselines import BaselineKind
 from ..planner.grid import FloatArray, IntArray
 from ..types import RiskIndices, Weights
+from ..vehicle import AdaptationKind
 from . import measures
 from .paths import METRICS, Baselines, PathCollector, Paths, baselines
 from .scenes import BASES, Problem, Scene, problem

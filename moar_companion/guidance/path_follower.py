@@ -16,8 +16,8 @@ import numpy as np
 from .. import pilot_texts
 from ..adaptation import Adaptation
 from ..autopilots.offboard_loss import OffboardLoss
+from ..estimation.plane_to_local import PlaneToLocal
 from ..estimation.pose import Jump, Pose, Setpoint
-from ..frames import PlaneToLocal
 from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence

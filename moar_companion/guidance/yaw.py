@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from ..estimation.plane_to_local import PlaneToLocal
 from ..estimation.pose import Pose
-from ..frames import PlaneToLocal
 from ..planner.plan_values import Plan
 from ..site import Site, Target
 from ..types import Mission, Vector

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..adaptation import Adaptation, AdaptationKind, Calibration
+from ..adaptation import Adaptation, Calibration
 from ..site import Obstacle, PlanePoint, Site
 from ..types import Mission, RiskIndices, Weights
-from ..vehicle import Vehicle
+from ..vehicle import AdaptationKind, Vehicle
 from .calibration import calibrated
 from .cost_to_go_tables import TableBuilder, shares
 from .graph import build_graph
@@ -114,7 +114,7 @@ class Planner:
             return
         while len(tables) >= count:
             del tables[next(iter(tables))]
-        builder = TableBuilder(self.graph, goal.goal, self.vehicle.adaptation_of(mission), corners)
+        builder = TableBuilder(self.graph, goal.goal, Adaptation.of(self.vehicle, mission), corners)
         tables[key] = _Prepared(table=builder.table(), ready=False)
         while builder.refine():
             if builder.corners & (builder.corners - 1) == 0:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ..autopilots import ARDUPILOT, profile
+from ..autopilots import profile
 from ..mavlink.dataflash import Row
 from ..mavlink.identity import Autopilot, AutopilotFound
 from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, motor_count
@@ -43,7 +43,7 @@ from ..telemetry import (
     Telemetry,
 )
 from ..text_format import printable
-from ..types import AutopilotKind, GeodeticPoint, Vector
+from ..types import ARDUPILOT, AutopilotKind, GeodeticPoint, Vector
 
 _ALIVE_S = 0.5
 """Age from which the mode counts as reported again: the log has its changes, and a log entry shows

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
+from ..adaptation import Adaptation
 from ..mavlink.packet_count import SourceStatistics
 from ..mavlink.passive_listener import GROUND_STATION, Input, ListenerEvent
 from ..outlets.replay_report import Replay, ReplayMeasure, ReplaySample
@@ -93,7 +94,7 @@ class Player(Generic[Packet_contra]):
         self._site_position = site_position
         self._drag = drag
         self._power = PowerModel.of(vehicle)
-        self._adaptation = vehicle.adaptation_of(Mission.INSPECTION)
+        self._adaptation = Adaptation.of(vehicle, Mission.INSPECTION)
         self._clock = _Clock()
         self._events = EventLog(battery_low=vehicle.risk.battery_remaining.high)
         self._ticks = 0

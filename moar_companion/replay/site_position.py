@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 
+from ..adaptation import Adaptation
 from ..config import Supervision
+from ..estimation.plane_to_local import PlaneToLocal
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import PoseTracker, SiteMaps
-from ..frames import PlaneToLocal
 from ..outlets.replay_report import ReplayPlace
 from ..planner.plan_values import PlanRequest
 from ..planner.planner import Planner
@@ -91,7 +92,7 @@ class SitePosition:
         Includes the leg to the point where a plan may begin.
         """
         start_m = (pose.position_m[0], pose.position_m[2])
-        adaptation = self._planner.vehicle.adaptation_of(Mission.EVACUATION)
+        adaptation = Adaptation.of(self._planner.vehicle, Mission.EVACUATION)
         request = PlanRequest(
             mission=Mission.EVACUATION,
             target=None,

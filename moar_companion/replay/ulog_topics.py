@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..autopilots import PX4
 from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, motor_count
 from ..mavlink.statustext import ReceivedText
 from ..mavlink.translate_motion import with_wind
@@ -39,7 +38,7 @@ from ..telemetry import (
     RemoteControl,
     Telemetry,
 )
-from ..types import GeodeticPoint
+from ..types import PX4, GeodeticPoint
 
 ESTIMATOR, ESTIMATOR_SELECTOR = "estimator_status", "estimator_selector_status"
 """Each estimator is an instance of the first topic; the second names the one in use."""

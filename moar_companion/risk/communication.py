@@ -14,8 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from ..radio import Radio, RadioKind, Signal, link_signal, signal
-from ..risk_model import RiskModel
+from ..radio import Radio, Signal, link_signal, signal
+from ..risk_model import RadioKind, RiskModel
 from ..telemetry import LandedState, LinkNode, LinkStatistics, Telemetry
 from .input_reports import YES_OR_NO, InputReport, certain, source_of
 

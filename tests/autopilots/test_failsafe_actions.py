@@ -7,17 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.ardupilot import ArduPilotReturn
 from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
 from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.safety.failsafe_paths import exposed_places, failsafe_hit
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 from ..planner.problems import conductor, make_site
 
-PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 DEFAULTS = {kind: profile(kind).parameters.defaults for kind in (PX4, ARDUPILOT)}
 REACH = FreeDistance.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
 ABOVE, BELOW, BESIDE = (5.5, 7.5), (5.5, 1.5), (9.5, 7.5)
@@ -107,7 +106,7 @@ def test_actions_are_unknown_before_all_parameters_are_received_or_given_up(kind
         others = {key: value for key, value in DEFAULTS[kind].items() if key != name}
         assert profile(kind).failsafes(Parameters(others)) is None
         assert profile(kind).failsafes(Parameters({**others, name: None})) is not None
-    assert profile(autopilots.UNKNOWN).failsafes(Parameters({})) is None
+    assert profile(UNKNOWN).failsafes(Parameters({})) is None
 
 
 def test_a_threshold_in_mah_is_converted_to_a_charge():

@@ -6,13 +6,12 @@ import math
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.fence import Fence, Limit, areas_of
 from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.telemetry import FenceItem
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
-PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 OFF = {
     PX4: dict.fromkeys(profile(PX4).fence_parameters, 0.0),
     ARDUPILOT: dict.fromkeys(profile(ARDUPILOT).fence_parameters, 0.0),
@@ -140,4 +139,4 @@ def test_an_incomplete_polygon_and_an_invalid_radius_are_read_without_an_error()
 
 
 def test_the_fence_of_an_unknown_autopilot_is_unknown():
-    assert profile(autopilots.UNKNOWN).fence(Parameters({}), (), enabled=True) is None
+    assert profile(UNKNOWN).fence(Parameters({}), (), enabled=True) is None

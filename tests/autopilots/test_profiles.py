@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 import moar_companion
-from moar_companion import autopilots
+from moar_companion import vehicle as vehicle_file
 from moar_companion.autopilots import PROFILES, kind_of, profile
 from moar_companion.autopilots.failsafe_actions import AutopilotAction
 from moar_companion.autopilots.fence import Fence
@@ -24,7 +24,7 @@ from moar_companion.mavlink.message_rates import wanted_rates_hz
 from moar_companion.preflight.aircraft_check import parameter_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.telemetry import Telemetry
-from moar_companion.types import AutopilotKind
+from moar_companion.types import AUTOPILOTS, UNKNOWN, AutopilotKind
 from moar_companion.vehicle import Vehicle
 
 from ..companion.desk import INSPECTION, Desk
@@ -50,7 +50,7 @@ def read_loss(value, _parameters):
 def made_up(monkeypatch):
     """A third autopilot, added to the table of profiles."""
     third = replace(
-        profile(autopilots.UNKNOWN),
+        profile(UNKNOWN),
         kind=MADE_UP,
         name="Made-up",
         mav_autopilot=NUMBER,
@@ -86,6 +86,7 @@ def made_up(monkeypatch):
         ),
     )
     monkeypatch.setitem(PROFILES, MADE_UP, third)
+    monkeypatch.setattr(vehicle_file, "AUTOPILOTS", (*AUTOPILOTS, MADE_UP))
     return third
 
 
@@ -142,6 +143,10 @@ def test_a_vehicle_file_names_a_known_autopilot_or_none(tmp_path):
         Vehicle.load(file)
 
 
+def test_each_autopilot_that_a_vehicle_file_names_has_a_profile():
+    assert tuple(PROFILES) == AUTOPILOTS
+
+
 @pytest.mark.parametrize("kind", list(PROFILES))
 def test_every_profile_has_its_own_number_and_consistent_modes(kind):
     known = profile(kind)
@@ -156,7 +161,7 @@ def test_every_profile_has_its_own_number_and_consistent_modes(kind):
 
 @pytest.mark.parametrize("kind", list(PROFILES))
 def test_no_assumption_about_an_unknown_autopilot_lowers_a_risk(kind):
-    unknown, known = profile(autopilots.UNKNOWN), profile(kind)
+    unknown, known = profile(UNKNOWN), profile(kind)
     assert unknown.landing_mps <= known.landing_mps
     assert unknown.landed_hover_s >= known.landed_hover_s
     assert unknown.position_error_m >= known.position_error_m
@@ -175,8 +180,8 @@ def test_no_assumption_about_an_unknown_autopilot_lowers_a_risk(kind):
 
 @pytest.mark.parametrize("kind", [None, AutopilotKind("made_up")])
 def test_an_autopilot_without_a_profile_is_unknown(kind):
-    assert profile(kind) is profile(autopilots.UNKNOWN)
-    assert kind_of(NUMBER) == autopilots.UNKNOWN
+    assert profile(kind) is profile(UNKNOWN)
+    assert kind_of(NUMBER) == UNKNOWN
 
 
 @pytest.mark.parametrize("custom_mode", [4, 6 << 16])

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from moar_companion.adaptation import Adaptation
 from moar_companion.companion.companion import Companion
 from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.estimation.pose_tracker import SiteMaps
@@ -79,7 +80,7 @@ def risk_update_us(*, explained: bool) -> Callable[[], float]:
             if explained:
                 risk_dict(judged)
                 WeightsReason.of(
-                    VEHICLE.adaptation_of(Mission.INSPECTION), judged.indices
+                    Adaptation.of(VEHICLE, Mission.INSPECTION), judged.indices
                 ).to_dict()
         return 1e6 * (time.process_time() - began) / UPDATES
 

@@ -9,12 +9,11 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion import autopilots
 from moar_companion.autopilots import PROFILES, profile
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.parameters import ParameterRequests
 from moar_companion.preflight.findings import Level
-from moar_companion.types import Mission
+from moar_companion.types import ARDUPILOT, Mission
 
 from ..companion.desk import EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk
 from ..flights.judging import true_places
@@ -36,7 +35,7 @@ class Reading:
         self.requests, self.has, self.asked = ParameterRequests(), has, []
         self.now_s = 10.0
         self.requests.want(wanted)
-        self.requests.start(profile(autopilots.ARDUPILOT), self.now_s)
+        self.requests.start(profile(ARDUPILOT), self.now_s)
         if release is not None:
             self.requests.learn_release(release)
 
@@ -54,7 +53,7 @@ class Reading:
             mavlink.MAVLink_param_value_message(name.encode(), self.has[name], 9, 900, 7)
         )
         (message,) = Codec(system_id=1, component_id=195).receive(data)
-        self.requests.handle(message, autopilots.ARDUPILOT)
+        self.requests.handle(message, ARDUPILOT)
 
 
 RELEASES = {

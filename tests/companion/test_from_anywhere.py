@@ -15,7 +15,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.error_margin import flown_site
 from moar_companion.planner.plan_values import PlanRequest
@@ -25,14 +24,14 @@ from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.text_format import pilot_text
-from moar_companion.types import Mission, RiskIndices
+from moar_companion.types import ARDUPILOT, PX4, Mission, RiskIndices
 from tests.thorough import sampled
 from tests.vehicles import named_vehicle
 
 from ..flights.judging import clearances_m
 
 SITES = ("120kv_single_circuit", "315kv_double_circuit", "horizontal_three_conductors")
-KINDS = (autopilots.PX4, autopilots.ARDUPILOT)
+KINDS = (PX4, ARDUPILOT)
 FENCE = PlaneFence(
     bounds=(Bound(name="GF_MAX_HOR_DIST 30 m", x_m=((-1.0, 36.0),), z_m=(-5.0, 18.0)),),
     margin_m=1.5,
@@ -135,7 +134,7 @@ def test_an_order_is_flown_on_legs_that_are_free_or_refused_with_a_reason(
 
 def refused(start_m, mission=Mission.EXIT, **changes):
     """The reason why an order from a place is denied."""
-    known = planners("315kv_double_circuit", autopilots.PX4)
+    known = planners("315kv_double_circuit", PX4)
     site = replace(known.exact.site, **changes)
     planner = Planner(site, known.exact.vehicle)
     request = PlanRequest(
@@ -153,7 +152,7 @@ def refused(start_m, mission=Mission.EXIT, **changes):
 
 def test_where_no_leg_is_free_the_pilot_receives_the_direction_to_fly():
     """A cage 2 m wide, too narrow for hull and margin, outside on each side, and inside."""
-    known = planners("315kv_double_circuit", autopilots.PX4)
+    known = planners("315kv_double_circuit", PX4)
     conductor = known.exact.site.obstacles[0]
 
     def cage(x_m, z_m):

@@ -12,7 +12,6 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.error_margin import flown_site
 from moar_companion.planner.plan_values import PlanRequest
@@ -21,7 +20,7 @@ from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Polygon, Site, Target
-from moar_companion.types import Mission, RiskIndices
+from moar_companion.types import ARDUPILOT, PX4, Mission, RiskIndices
 from moar_companion.vehicle import Vehicle
 
 from .desk import DENIED, EXIT, TEMPORARILY_REJECTED, Desk, usual_planner
@@ -170,8 +169,8 @@ def test_a_setpoint_that_a_small_jump_moves_into_the_margin_holds_and_resumes():
 @pytest.mark.parametrize(
     ("file", "received", "words"),
     [
-        (autopilots.PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "autopilot ardupilot, file px4"),
-        (autopilots.ARDUPILOT, mavlink.MAV_AUTOPILOT_PX4, "autopilot px4, file ardupilot"),
+        (PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "autopilot ardupilot, file px4"),
+        (ARDUPILOT, mavlink.MAV_AUTOPILOT_PX4, "autopilot px4, file ardupilot"),
     ],
 )
 def test_an_autopilot_other_than_the_vehicle_files_is_reported_and_not_flown(file, received, words):

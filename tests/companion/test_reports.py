@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from moar_companion import autopilots
 from moar_companion.companion.reports import Reports
 from moar_companion.mavlink.autopilot_control import CommandAnswered
 from moar_companion.mavlink.identity import Autopilot, AutopilotConflict
@@ -12,6 +11,7 @@ from moar_companion.mavlink.own_ids import ComponentConflict
 from moar_companion.mavlink.peers import AutopilotElsewhere, PeerRefused
 from moar_companion.mavlink.statustext import Severity
 from moar_companion.mission_states import MissionState
+from moar_companion.types import PX4
 
 from .desk import Desk
 from .scripted_autopilot import OFFBOARD
@@ -79,8 +79,7 @@ def test_an_autopilot_that_refuses_the_mode_is_reported_and_one_that_accepts_is_
 
 def test_a_second_autopilot_is_an_error_and_both_are_recorded():
     first, second = (
-        Autopilot(system_id=number, component_id=1, kind=autopilots.PX4, link="serial")
-        for number in (1, 2)
+        Autopilot(system_id=number, component_id=1, kind=PX4, link="serial") for number in (1, 2)
     )
     event = AutopilotConflict(autopilot=first, other=second, reason="two autopilots")
     assert reported(event) == (

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.companion.route_manager import RouteManager
@@ -21,7 +20,7 @@ from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.risk import RiskEstimate
-from moar_companion.types import Mission, RiskIndices
+from moar_companion.types import PX4, Mission, RiskIndices
 
 from ..losses import loss_of
 from ..planner.problems import conductor, make_site, make_vehicle
@@ -54,9 +53,9 @@ class Routes:
         )
         limits = self.manager.limits
         limits.take_ground(SiteMaps(site=self.planner.site, maps=self.planner.maps))
-        limits.offboard_loss.loss = loss_of(autopilots.PX4) if known else None
-        unlimited = Parameters(dict.fromkeys(profile(autopilots.PX4).fence_parameters, 0.0))
-        limits._fences.learn(autopilots.PX4, unlimited, (), None)
+        limits.offboard_loss.loss = loss_of(PX4) if known else None
+        unlimited = Parameters(dict.fromkeys(profile(PX4).fence_parameters, 0.0))
+        limits._fences.learn(PX4, unlimited, (), None)
         self.now_s = 0.0
 
     def _record(self, kind, _now_s, **data):

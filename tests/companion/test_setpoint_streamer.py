@@ -9,15 +9,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.companion.mission_executor import MissionExecutor
 from moar_companion.companion.setpoint_streamer import SetpointStreamer
 from moar_companion.config import Supervision
+from moar_companion.estimation.plane_to_local import PlaneToLocal
 from moar_companion.estimation.pose import Jump, Setpoint
-from moar_companion.frames import PlaneToLocal
 from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.site import Margin
-from moar_companion.types import Mission
+from moar_companion.types import PX4, Mission
 
 from .desk import INSPECTION, Desk, usual_planner
 
@@ -119,7 +118,7 @@ def streamed():
     """A streamer of the usual planner's vehicle, its session, a flight and its plane."""
     planner, session = usual_planner(), Sent()
     frame = planner.site.frame
-    plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), autopilots.PX4)
+    plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), PX4)
     margin = Margin(position_m=0.9, tracking_m=0.0)
     stream = SetpointStreamer(session, planner.vehicle, Supervision(), margin, 0.5)
     return stream, session, Anywhere(), plane

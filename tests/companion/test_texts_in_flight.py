@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion import autopilots
 from moar_companion.config import Supervision
 from moar_companion.mission.state_changes import state_words
 from moar_companion.mission.values import Task, Verdict
@@ -23,7 +22,7 @@ from moar_companion.safety.condition_types import Action
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.telemetry import PeerHeartbeat
 from moar_companion.text_format import exceeds, pilot_text
-from moar_companion.types import Mission
+from moar_companion.types import ARDUPILOT, PX4, Mission
 
 from ..losses import loss_of
 from ..safety.seen import (
@@ -137,11 +136,11 @@ def test_every_condition_is_reported_in_one_chunk_with_its_limit_and_action():
 def test_the_effect_of_an_offboard_loss_is_reported_in_one_chunk():
     reach = usual_planner().maps.reach
     for action in range(9):
-        loss = loss_of(autopilots.PX4, COM_OBL_RC_ACT=float(action), RTL_TYPE=1.0)
+        loss = loss_of(PX4, COM_OBL_RC_ACT=float(action), RTL_TYPE=1.0)
         for words in (loss.objection_anywhere, loss._against(f" through {LONG}")):
             if words is not None:
                 assert_is_for_pilots(pilot_text(words, "holding"))
-    slow = loss_of(autopilots.ARDUPILOT, WP_ACC=0.333333, GUID_TIMEOUT=99.0)
+    slow = loss_of(ARDUPILOT, WP_ACC=0.333333, GUID_TIMEOUT=99.0)
     assert reach is not None
     for words in (slow.lag(1.23456), slow.objection_anywhere):
         assert_is_for_pilots(pilot_text(words, "rejected"))

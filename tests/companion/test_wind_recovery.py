@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.companion.wind_recovery import WindRecovery
 from moar_companion.estimation.pose import Pose
 from moar_companion.guidance.flight_volume import FlightVolume
@@ -20,12 +19,13 @@ from moar_companion.planner.planner import Planner
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.safety.supervisor import Acting, Ruling
 from moar_companion.text_format import pilot_text
+from moar_companion.types import PX4
 
 from ..losses import loss_of
 from ..planner.problems import conductor
 from .desk import STEP_S, usual_planner
 
-PX4 = loss_of(autopilots.PX4)
+PX4 = loss_of(PX4)
 RIGHT_M = usual_planner().site.workspace.upper_m[0]
 FENCE = PlaneFence(
     bounds=(Bound(name="GF_MAX_HOR_DIST 14 m", x_m=((-1e3, RIGHT_M - 3.0),)),), margin_m=1.5

@@ -9,12 +9,11 @@ from dataclasses import fields, replace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.config import Supervision
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanAnswer
 from moar_companion.power import landing_s
-from moar_companion.types import Mission
+from moar_companion.types import PX4, Mission
 
 from ..companion.desk import ACCEPTED, EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk, usual_planner
 
@@ -112,7 +111,7 @@ def test_the_mission_with_its_escape_route_becomes_shorter_in_flight():
     assert forecast(desk).better is Mission.EXIT
     desk.run_until("holding", 120.0)
     # The landing is left.
-    landing = landing_s(desk.vehicle.guidance.landing_height_m, autopilots.PX4)
+    landing = landing_s(desk.vehicle.guidance.landing_height_m, PX4)
     assert forecast(desk).finish.duration_s == pytest.approx(landing, abs=0.3)
 
 

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from moar_companion.config import CompanionConfig, RecorderSettings, Replanning, Supervision
-from moar_companion.radio import RadioKind
-from moar_companion.risk_model import Range, RiskModel
+from moar_companion.risk_model import RadioKind, Range, RiskModel
 from moar_companion.site import Site
 from moar_companion.vehicle import Guidance, Power, Vehicle
 from moar_companion.yaml_schema import file_key

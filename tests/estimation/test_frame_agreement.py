@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.estimation.frame_agreement import FrameAgreement
 from moar_companion.frames import SiteFrame
 from moar_companion.mavlink.codec import Codec
@@ -15,12 +14,11 @@ from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS
 from moar_companion.mavlink.translate import update
 from moar_companion.telemetry import GlobalPosition, Home, LocalOrigin, LocalPosition, Telemetry
-from moar_companion.types import GeodeticPoint
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN, GeodeticPoint
 from tests.mavlink.conftest import SHARED, packets
 
 from ..companion.desk import ACCEPTED, EXIT, STEP_S, Desk
 
-PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 SITE = SiteFrame(
     origin=GeodeticPoint(latitude_deg=45.4, longitude_deg=-71.9, altitude_amsl_m=210.0),
     azimuth_deg=90.0,
@@ -141,10 +139,7 @@ def test_a_silent_global_position_does_not_end_a_hold_for_a_disagreement(end):
 
 def test_unknown_positions_are_not_compared():
     assert agreement_of(Telemetry()).global_off_m is None
-    assert (
-        agreement_of(telemetry_at(place=(50.0, 0.0, 0.0)), kind=autopilots.UNKNOWN).global_off_m
-        is None
-    )
+    assert agreement_of(telemetry_at(place=(50.0, 0.0, 0.0)), kind=UNKNOWN).global_off_m is None
 
 
 def test_a_home_that_disagrees_with_the_origin_is_detected_on_ardupilot():

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from moar_companion import autopilots
 from moar_companion.autopilots.fence import Area, Fence, Limit
 from moar_companion.config import shipped_configs
 from moar_companion.estimation import site_fence
@@ -23,7 +22,7 @@ from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.telemetry import FenceItem
-from moar_companion.types import Mission
+from moar_companion.types import PX4, Mission
 from tests.vehicles import named_vehicle
 
 from ..companion.desk import INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
@@ -149,38 +148,38 @@ PARAMETERS = {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 10.0, "GF_MAX_VER_DIST": 0.0,
 def test_an_unread_fence_or_home_is_the_reason_for_no_start():
     watch = SiteFence(SITE, 1.5)
     assert "not read yet" in watch.not_ready_reason
-    watch.learn(autopilots.PX4, PARAMETERS, None, HOME_M)
+    watch.learn(PX4, PARAMETERS, None, HOME_M)
     assert "not read yet" in watch.not_ready_reason
-    watch.learn(autopilots.PX4, PARAMETERS, (), None)
+    watch.learn(PX4, PARAMETERS, (), None)
     assert "home" in watch.not_ready_reason
-    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(PX4, PARAMETERS, (), HOME_M)
     assert watch.not_ready_reason is None
     assert watch.plane is not None
 
 
 def test_a_fence_around_an_unknown_home_prevents_planning():
     watch = SiteFence(SITE, 1.5)
-    watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
+    watch.learn(PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
     assert (watch.not_ready_reason, watch.plane) == (None, None)
-    watch.learn(autopilots.PX4, PARAMETERS, (), None)
+    watch.learn(PX4, PARAMETERS, (), None)
     assert "home" in watch.not_ready_reason
-    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(PX4, PARAMETERS, (), HOME_M)
     assert watch.not_ready_reason is None
     known = watch.plane
-    watch.learn(autopilots.PX4, {}, (), None)
-    watch.learn(autopilots.PX4, PARAMETERS, (), None)  # the same parameters, requested again
+    watch.learn(PX4, {}, (), None)
+    watch.learn(PX4, PARAMETERS, (), None)  # the same parameters, requested again
     assert watch.not_ready_reason is None
     assert watch.plane is known
 
 
 def test_a_fence_being_read_again_keeps_its_last_value():
     watch = SiteFence(SITE, 1.5)
-    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
-    watch.learn(autopilots.PX4, {}, (), HOME_M)
+    watch.learn(PX4, {}, (), HOME_M)
     assert watch.plane is known
     assert watch.not_ready_reason is None
-    watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), HOME_M)
+    watch.learn(PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), HOME_M)
     assert watch.plane is None
 
 
@@ -212,12 +211,12 @@ def test_the_fence_is_rebuilt_only_after_a_change():
     watch, items = SiteFence(SITE, 1.5), corners(3)
     with mock.patch.object(site_fence, "plane_fence", wraps=site_fence.plane_fence) as made:
         for _ in range(3):
-            watch.learn(autopilots.PX4, PARAMETERS, items, HOME_M)
+            watch.learn(PX4, PARAMETERS, items, HOME_M)
         assert made.call_count == 1
-        watch.learn(autopilots.PX4, PARAMETERS, corners(3), HOME_M)  # the same items, read again
+        watch.learn(PX4, PARAMETERS, corners(3), HOME_M)  # the same items, read again
         assert made.call_count == 1
-        watch.learn(autopilots.PX4, PARAMETERS, corners(4), HOME_M)
-        watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 9.0}, corners(4), HOME_M)
+        watch.learn(PX4, PARAMETERS, corners(4), HOME_M)
+        watch.learn(PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 9.0}, corners(4), HOME_M)
         assert made.call_count == 3
 
 
@@ -230,10 +229,10 @@ def corners(number):
 
 def test_a_home_that_moves_within_its_accuracy_keeps_the_fence():
     watch = SiteFence(SITE, 1.5)
-    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
     for x_m, same in ((27.001, True), (27.05, True), (27.5, False)):
-        watch.learn(autopilots.PX4, PARAMETERS, (), (x_m, 0.0, 0.0))
+        watch.learn(PX4, PARAMETERS, (), (x_m, 0.0, 0.0))
         assert (watch.plane is known) is same
 
 

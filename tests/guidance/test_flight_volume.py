@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.estimation.pose import Setpoint
 from moar_companion.guidance.flight_volume import FlightVolume
 from moar_companion.guidance.plan_path import CheckedLeg
 from moar_companion.planner.maps import build_maps
 from moar_companion.planner.plane_fence import Bound, PlaneFence
+from moar_companion.types import PX4
 
 from ..losses import loss_of
 from ..planner.problems import conductor, make_site, make_vehicle, polygon
@@ -28,7 +28,7 @@ def volume(*obstacles, fence=None, **site):
         site=site,
         vehicle=VEHICLE,
         maps=build_maps(site, VEHICLE),
-        loss=loss_of(autopilots.PX4),
+        loss=loss_of(PX4),
         fence=fence,
     )
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.estimation.pose import Pose
 from moar_companion.guidance.flight_volume import FlightVolume
 from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.guidance.splice import Adoption
 from moar_companion.planner.planner import Planner
+from moar_companion.types import PX4
 
 from ..losses import loss_of
 from ..planner.problems import conductor, make_site, make_vehicle, polygon
@@ -27,7 +27,7 @@ def started(planner, at):
         site=planner.site,
         vehicle=planner.vehicle,
         maps=planner.maps,
-        loss=loss_of(autopilots.PX4),
+        loss=loss_of(PX4),
     )
     return PathFollower(space, at)
 

@@ -10,14 +10,13 @@ import math
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.estimation.pose import Setpoint
 from moar_companion.guidance.flight_volume import FlightVolume
 from moar_companion.guidance.plan_path import CheckedLeg
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.types import Mission, RiskIndices, Weights
+from moar_companion.types import ARDUPILOT, Mission, RiskIndices, Weights
 
 from ..companion.desk import (
     ACCEPTED,
@@ -264,7 +263,7 @@ def test_a_checked_leg_allows_setpoints_within_its_clearance(
         site=planner.site,
         vehicle=planner.vehicle,
         maps=planner.maps,
-        loss=loss_of(autopilots.ARDUPILOT, GUID_TIMEOUT=0.5),
+        loss=loss_of(ARDUPILOT, GUID_TIMEOUT=0.5),
     )
     leg = CheckedLeg(points_m=((30.0, 0.0, 3.0), (45.0, 0.0, 3.0)), room_m=room_m)
     refused = volume.refusal(

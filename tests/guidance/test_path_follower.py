@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion import autopilots
 from moar_companion.config import shipped_configs
+from moar_companion.estimation.plane_to_local import PlaneToLocal
 from moar_companion.estimation.pose import Jump, Pose
-from moar_companion.frames import PlaneToLocal
 from moar_companion.guidance.flight_volume import FlightVolume
 from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.guidance.splice import Adoption
@@ -23,7 +22,7 @@ from moar_companion.planner.planner import Planner
 from moar_companion.planner.regions import obstacle_clearance_m
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.types import Mission, RiskIndices, Weights
+from moar_companion.types import ARDUPILOT, PX4, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
 from tests.vehicles import named_vehicle
 
@@ -33,8 +32,8 @@ from ..planner.problems import conductor, make_site
 
 STEP_S = 0.02
 WEIGHTS = Weights(safety=0.4, time=0.4, energy=0.2)
-SHORT, LONG = (loss_of(autopilots.ARDUPILOT, GUID_TIMEOUT=timeout_s) for timeout_s in (0.5, 3.0))
-PX4 = loss_of(autopilots.PX4)
+SHORT, LONG = (loss_of(ARDUPILOT, GUID_TIMEOUT=timeout_s) for timeout_s in (0.5, 3.0))
+PX4 = loss_of(PX4)
 
 
 class Flown:
@@ -49,7 +48,7 @@ class Flown:
             position_m=(x_m, 0.0, max(2.6, z_m)), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0
         )
         origin = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
-        self.plane = PlaneToLocal.between(self.site.frame, origin, autopilots.PX4)
+        self.plane = PlaneToLocal.between(self.site.frame, origin, PX4)
         volume = FlightVolume(
             site=self.site, vehicle=self.vehicle, maps=self.planner.maps, loss=loss
         )
@@ -144,7 +143,7 @@ def test_the_flight_slows_down_when_the_offboard_loss_distance_grows(learns):
     flown.order(Mission.INSPECTION)
     for _ in range(100):
         flown.advanced(flown.flight)
-    loss = loss_of(autopilots.ARDUPILOT, GUID_TIMEOUT=5.0)
+    loss = loss_of(ARDUPILOT, GUID_TIMEOUT=5.0)
     volume = FlightVolume(
         site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=loss
     )

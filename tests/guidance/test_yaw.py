@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
+from moar_companion.estimation.plane_to_local import PlaneToLocal
 from moar_companion.estimation.pose import Pose
-from moar_companion.frames import PlaneToLocal
 from moar_companion.guidance.yaw import wanted_yaw_rad
 from moar_companion.planner.planner import Planner
+from moar_companion.types import PX4
 from moar_companion.vehicle import Guidance, YawMode
 
 from ..planner.problems import FRAME, make_site, make_vehicle
 
-PLANE = PlaneToLocal.between(FRAME, FRAME.origin, autopilots.PX4)
+PLANE = PlaneToLocal.between(FRAME, FRAME.origin, PX4)
 """x leads east."""
 EAST_RAD = 0.5 * math.pi
 SITE = make_site(targets={"target": (4.5, 4.5)})

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.identity import (
@@ -11,6 +10,7 @@ from moar_companion.mavlink.identity import (
     AutopilotRestarted,
     Identity,
 )
+from moar_companion.types import PX4
 
 
 def handle(identity, data, *, link="serial", now_s=0.0):
@@ -22,7 +22,7 @@ def test_the_first_autopilot_received_is_latched(peer):
     identity = Identity()
     event = handle(identity, peer(7, 1).heartbeat())
     assert isinstance(event, AutopilotFound)
-    assert (event.autopilot.system_id, event.autopilot.kind) == (7, autopilots.PX4)
+    assert (event.autopilot.system_id, event.autopilot.kind) == (7, PX4)
     assert handle(identity, peer(7, 1).heartbeat()) is None
 
 
@@ -108,7 +108,7 @@ def test_of_many_other_autopilots_the_one_still_received_is_kept(peer):
         handle(identity, peer(2 + step % 70, 1).heartbeat(), now_s=0.1 * step)
         if step % 5 == 0:
             handle(identity, other.heartbeat(), now_s=0.1 * step)
-        assert step == 0 or (77, autopilots.PX4) in identity._others
+        assert step == 0 or (77, PX4) in identity._others
 
 
 def test_a_conflict_within_the_report_interval_is_reported_after_it(peer):

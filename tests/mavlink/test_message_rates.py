@@ -7,6 +7,7 @@ import pytest
 from moar_companion import autopilots
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.message_rates import MessageRates, on_network, wanted_rates_hz
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 ATTITUDE = 30
 POSITION = 32
@@ -181,16 +182,16 @@ def test_an_answer_without_a_request_is_ignored():
     assert requests.next_request(0.1) is not None
 
 
-@pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, UNKNOWN])
 def test_streams_for_telemetry_are_requested_of_every_autopilot(kind):
     assert {1, 24, 30, 32, 147, 242, 245} <= set(wanted_rates_hz(kind))
 
 
 def test_streams_that_ardupilot_denies_are_not_requested():
-    assert not {231, 230, 109, 111, 331, 253} & set(wanted_rates_hz(autopilots.ARDUPILOT))
+    assert not {231, 230, 109, 111, 331, 253} & set(wanted_rates_hz(ARDUPILOT))
 
 
-@pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, UNKNOWN])
 def test_all_requested_streams_fit_a_serial_link_of_57600_baud(kind):
     bytes_per_s = sum(
         rate_hz * (mavlink.mavlink_map[message_id].unpacker.size + 12)
@@ -305,13 +306,13 @@ def test_a_late_answer_to_slowing_down_does_not_settle_the_restoring():
     assert len(machine.run(10.0, answer=None)) == 3
 
 
-@pytest.mark.parametrize(("kind", "message_id"), [(autopilots.PX4, 436), (autopilots.ARDUPILOT, 0)])
+@pytest.mark.parametrize(("kind", "message_id"), [(PX4, 436), (ARDUPILOT, 0)])
 def test_on_a_network_the_mode_is_requested_at_50_hz_and_nothing_else_changes(kind, message_id):
     wanted_hz = wanted_rates_hz(kind)
     assert on_network(wanted_hz) == {**wanted_hz, message_id: 50.0}
 
 
 def test_on_a_network_obstacle_distances_are_requested_where_they_are_used():
-    wanted_hz = wanted_rates_hz(autopilots.PX4)
+    wanted_hz = wanted_rates_hz(PX4)
     assert on_network(wanted_hz, obstacles=True) == {**on_network(wanted_hz), 330: 5.0}
     assert 330 not in on_network(wanted_hz)

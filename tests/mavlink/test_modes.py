@@ -2,12 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.mavlink import modes
 from moar_companion.mavlink.dialect import mavlink
-
-PX4 = autopilots.PX4
-ARDUPILOT = autopilots.ARDUPILOT
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 
 @pytest.mark.parametrize(
@@ -30,7 +27,7 @@ ARDUPILOT = autopilots.ARDUPILOT
         (ARDUPILOT, 5, "LOITER", False),
         (ARDUPILOT, 20, "GUIDED_NOGPS", False),
         (ARDUPILOT, 99, "MODE 0x00000063", False),
-        (autopilots.UNKNOWN, 4, "MODE 0x00000004", False),
+        (UNKNOWN, 4, "MODE 0x00000004", False),
     ],
 )
 def test_a_mode_has_its_name_and_only_offboard_and_guided_take_setpoints(
@@ -84,5 +81,5 @@ def test_mode_requests_have_the_parameters_measured_on_real_autopilots():
     assert modes.land_parameters(PX4, armed=True) == (129, 4, 6)
     assert modes.own_mode_parameters(ARDUPILOT, armed=True) == (1, 4, 0)
     assert modes.land_parameters(ARDUPILOT, armed=True) == (1, 9, 0)
-    assert modes.own_mode_parameters(autopilots.UNKNOWN, armed=True) is None
-    assert modes.land_parameters(autopilots.UNKNOWN, armed=True) is None
+    assert modes.own_mode_parameters(UNKNOWN, armed=True) is None
+    assert modes.land_parameters(UNKNOWN, armed=True) is None

@@ -9,16 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.parameters import ParameterRequests
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 from .peer import Peer
 from .story import of_type
 
-PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 UINT8, INT8, INT16, INT32, REAL32 = 1, 2, 4, 6, 9
 
 
@@ -36,7 +35,7 @@ class Reading:
 
     def __init__(self, *names):
         self.requests = ParameterRequests()
-        self.requests.start(profile(autopilots.UNKNOWN), 99.0)
+        self.requests.start(profile(UNKNOWN), 99.0)
         self.requests.want(names)
         self.now_s = 100.0
         self.asked = []
@@ -124,7 +123,7 @@ def test_after_a_restart_all_parameters_are_requested_again():
     reading = Reading("A", "NONE")
     reading.has = {"A": 1.0}
     reading.run(5.0)
-    reading.requests.start(profile(autopilots.UNKNOWN), reading.now_s)
+    reading.requests.start(profile(UNKNOWN), reading.now_s)
     assert reading.requests.values == {}
     reading.has = {"A": 2.0, "NONE": 3.0}
     reading.run(1.0)

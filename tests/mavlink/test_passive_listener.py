@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.mavlink.commands import CommandResult, MissionCommand, PauseContinue
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from moar_companion.mavlink.passive_listener import AnswerReceived, PassiveListener, TextReceived
 from moar_companion.mavlink.statustext import ReceivedText
+from moar_companion.types import PX4
 
 from .messages import message_of
 from .peer import Peer
@@ -41,7 +41,7 @@ def test_the_first_autopilot_is_latched_for_any_system_id():
     scene = Scene(system_id=42)
     (found,) = scene.found
     assert isinstance(found, AutopilotFound)
-    assert (found.autopilot.system_id, found.autopilot.kind) == (42, autopilots.PX4)
+    assert (found.autopilot.system_id, found.autopilot.kind) == (42, PX4)
     assert scene.listener.vehicle_type == "quadrotor"
     (other,) = scene.handle(Peer(7, 1).heartbeat())
     assert isinstance(other, AutopilotConflict)

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion import autopilots
 from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.commands import MissionCommand
@@ -14,13 +13,14 @@ from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from moar_companion.mavlink.session import CommandAnswered, Session, SystemStatus
 from moar_companion.mavlink.telemetry_receiver import ModeLeft
+from moar_companion.types import ARDUPILOT, PX4
 
 from .messages import message_of
 from .story import Story, commands, of_type, types
 
 USER_1 = 31010
 SET_MESSAGE_INTERVAL = 511
-ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+MAV_ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
 # Identity
@@ -40,7 +40,7 @@ def test_the_system_id_is_the_configured_one_until_an_autopilot_is_received(peer
     assert {m.get_srcSystem() for _, m in sent} == {7}
     (event,) = story.events()
     assert isinstance(event, AutopilotFound)
-    assert event.autopilot.kind is autopilots.PX4
+    assert event.autopilot.kind is PX4
 
 
 def test_an_autopilot_on_an_operator_link_is_not_latched(story, autopilot):
@@ -53,7 +53,7 @@ def test_a_second_autopilot_ends_control_and_the_event_names_both(story, autopil
     story.meet(autopilot)
     assert story.session.conflict is None
     other = peer(2, 1)
-    story.handle(other.heartbeat(autopilot=ARDUPILOT))
+    story.handle(other.heartbeat(autopilot=MAV_ARDUPILOT))
     (event,) = story.events()
     assert isinstance(event, AutopilotConflict)
     assert (event.autopilot.system_id, event.other.system_id) == (1, 2)
@@ -113,7 +113,9 @@ def test_a_radio_and_a_ground_station_are_received_besides_the_autopilot(
     assert story.session.telemetry.ground_station.system_id == 255
 
 
-@pytest.mark.parametrize(("kind", "asked"), [(ARDUPILOT, True), (mavlink.MAV_AUTOPILOT_PX4, False)])
+@pytest.mark.parametrize(
+    ("kind", "asked"), [(MAV_ARDUPILOT, True), (mavlink.MAV_AUTOPILOT_PX4, False)]
+)
 def test_the_receiver_choice_is_requested_of_ardupilot_with_two_receivers(
     story, autopilot, kind, asked
 ):
@@ -165,7 +167,7 @@ def test_unread_packets_are_limited_in_number(story, autopilot):
 
 def test_a_mode_left_and_restored_at_once_is_an_event(story, autopilot):
     for mode in (4, 5, 4, 4):
-        story.handle(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=mode))
+        story.handle(autopilot.heartbeat(autopilot=MAV_ARDUPILOT, custom_mode=mode))
     found, left = story.events()
     assert isinstance(found, AutopilotFound)
     assert left == ModeLeft(mode="LOITER")
@@ -176,14 +178,14 @@ def test_a_mode_left_and_restored_at_once_is_an_event(story, autopilot):
 
 
 def test_after_an_autopilot_restart_all_messages_are_requested_again(story, autopilot):
-    story.meet(autopilot, autopilot=ARDUPILOT, custom_mode=4)
+    story.meet(autopilot, autopilot=MAV_ARDUPILOT, custom_mode=4)
     first = story.run(2.0)
     assert len(commands(first, SET_MESSAGE_INTERVAL)) > 0
     for _ in range(20):
         for request in commands(story.run(0.1), SET_MESSAGE_INTERVAL):
             assert request.target_system == 1
             story.handle(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
-    story.handle(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=4))
+    story.handle(autopilot.heartbeat(autopilot=MAV_ARDUPILOT, custom_mode=4))
     story.handle(autopilot.attitude(500.0))
     assert story.session.telemetry.attitude is not None
     story.now_s += 1.2
@@ -197,7 +199,7 @@ def test_after_an_autopilot_restart_all_messages_are_requested_again(story, auto
     (event,) = story.events()
     assert isinstance(event, AutopilotRestarted)
     story.now_s += 0.02
-    story.handle(autopilot.heartbeat(autopilot=ARDUPILOT))
+    story.handle(autopilot.heartbeat(autopilot=MAV_ARDUPILOT))
     story.tick()
     sent = story.sent()
     assert types(sent)[0] == "HEARTBEAT"
@@ -286,10 +288,10 @@ def replayed(packets, *, component_id=195):
 @pytest.mark.parametrize(
     ("name", "kind", "restarts"),
     [
-        ("px4/a1_boot_offboard_takeoff.companion.tlog", autopilots.PX4, 0),
-        ("px4/k1_nogcs_autopilot_restart.companion.tlog", autopilots.PX4, 1),
-        ("ardupilot/a2_square.companion.tlog", autopilots.ARDUPILOT, 0),
-        ("ardupilot/h2_signing.companion.tlog", autopilots.ARDUPILOT, 1),
+        ("px4/a1_boot_offboard_takeoff.companion.tlog", PX4, 0),
+        ("px4/k1_nogcs_autopilot_restart.companion.tlog", PX4, 1),
+        ("ardupilot/a2_square.companion.tlog", ARDUPILOT, 0),
+        ("ardupilot/h2_signing.companion.tlog", ARDUPILOT, 1),
     ],
 )
 def test_a_recorded_autopilot_is_found_followed_and_its_restarts_detected(
@@ -335,10 +337,10 @@ def test_obstacles_of_a_sensor_reach_the_telemetry(story, autopilot, peer):
 @pytest.mark.parametrize("wanted", [False, True])
 def test_obstacles_are_requested_of_the_autopilot_only_where_they_are_used(wanted, autopilot):
     story = Story(obstacles=wanted)
-    story.meet(autopilot, autopilot=ARDUPILOT)
+    story.meet(autopilot, autopilot=MAV_ARDUPILOT)
     sent = []
     for _ in range(15):  # without answers, one request each half second
-        story.handle(autopilot.heartbeat(autopilot=ARDUPILOT))
+        story.handle(autopilot.heartbeat(autopilot=MAV_ARDUPILOT))
         sent += story.run(1.0)
     requested = {each.param1: each.param2 for each in commands(sent, SET_MESSAGE_INTERVAL)}
     assert requested.get(OBSTACLE_DISTANCE) == (200_000 if wanted else None)

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion import autopilots
 from moar_companion.mavlink import translate
 from moar_companion.mavlink.codec import Codec, checksum
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.telemetry import Telemetry
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 from .messages import message_of, updated
 
@@ -24,7 +24,7 @@ def test_a_heartbeat_gives_mode_arming_and_failsafe():
         "HEARTBEAT", **heartbeat(base_mode=129, custom_mode=0x00060000, system_status=5)
     )
     status = telemetry.autopilot
-    assert status.kind is autopilots.PX4
+    assert status.kind is PX4
     assert (status.mode, status.ours, status.armed, status.failsafe) == (
         "OFFBOARD",
         True,
@@ -53,9 +53,9 @@ def test_a_heartbeat_of_a_ground_station_is_not_an_autopilots():
 @pytest.mark.parametrize(
     ("vehicle", "autopilot", "kind"),
     [
-        (2, 12, autopilots.PX4),
-        (13, 3, autopilots.ARDUPILOT),
-        (2, 4, autopilots.UNKNOWN),
+        (2, 12, PX4),
+        (13, 3, ARDUPILOT),
+        (2, 4, UNKNOWN),
         (2, 8, None),
         (18, 12, None),
         (26, 0, None),

@@ -6,7 +6,8 @@ import pytest
 
 from moar_companion.mavlink import translate
 from moar_companion.mavlink.dialect import create, mavlink
-from moar_companion.radio import RadioChannels, RadioKind, RadioLink
+from moar_companion.radio import RadioChannels, RadioLink
+from moar_companion.risk_model import RadioKind
 from moar_companion.telemetry import Telemetry
 
 STATS = {

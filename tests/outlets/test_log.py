@@ -14,11 +14,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.link_config import LinkConfig
 from moar_companion.outlets import background_writer, log
 from moar_companion.outlets.log import AutopilotLog, log_to_stderr
 from moar_companion.telemetry import AutopilotStatus
+from moar_companion.types import PX4
 from tests.stopped import stopped_pipe
 
 logger = logging.getLogger("test")
@@ -149,7 +149,7 @@ def test_without_a_stderr_nothing_is_written_anywhere(tmp_path):
 def test_absence_of_the_autopilot_is_logged_once_and_each_change_of_its_mode(caplog):
     log = AutopilotLog([LinkConfig(url="udp:127.0.0.1:14540")])
     held = AutopilotStatus(
-        received_s=9.0, system_id=7, component_id=1, kind=autopilots.PX4, armed=False,
+        received_s=9.0, system_id=7, component_id=1, kind=PX4, armed=False,
         custom_mode=0, mode="HOLD", ours=False, homeward=False, multirotor=True, failsafe=False,
     )  # fmt: skip
     with caplog.at_level("INFO"):

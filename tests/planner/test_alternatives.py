@@ -50,7 +50,7 @@ def test_each_level_of_risk_has_the_plan_of_its_weights(planner, mission):
 
 def test_risk_moves_the_path(planner):
     request = planner.plan(mission="inspection", target="splice-inner").request
-    plans = alternatives(planner, request, FLOWN.adaptation_of(Mission.INSPECTION))
+    plans = alternatives(planner, request, Adaptation.of(FLOWN, Mission.INSPECTION))
     assert not all(same_path(plans[0], plan) for plan in plans)
     by_risk = {plan.request.risk: plan for plan in plans}
     safe = by_risk[RiskIndices(wind=0.5)]
@@ -60,7 +60,7 @@ def test_risk_moves_the_path(planner):
 
 def test_the_reason_is_told_where_no_risk_moves_the_path(planner):
     request = planner.plan(mission="inspection", target="splice-inner").request
-    plans = alternatives(planner, request, FLOWN.adaptation_of(Mission.INSPECTION))
+    plans = alternatives(planner, request, Adaptation.of(FLOWN, Mission.INSPECTION))
     safest = planner.solve(replace(request, weights=Weights.normalised(1.0, 0.0, 0.0)))
     fastest = planner.solve(replace(request, weights=Weights.normalised(0.0, 1.0, 0.0)))
     assert not same_path(safest, fastest)
@@ -83,7 +83,7 @@ def test_the_safety_of_a_plan_is_its_cost_and_its_clearance_or_the_reason_of_no_
 
 def test_a_problem_without_a_plan_has_none_under_any_risk(planner):
     request = planner.plan(mission="exit", start=(-5.0, 2.0)).request
-    plans = alternatives(planner, request, FLOWN.adaptation_of(Mission.EXIT))
+    plans = alternatives(planner, request, Adaptation.of(FLOWN, Mission.EXIT))
     assert {plan.status.value for plan in plans} == {"out_of_bounds"}
 
 

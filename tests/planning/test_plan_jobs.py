@@ -7,7 +7,7 @@ from unittest import mock
 
 import pytest
 
-from moar_companion.adaptation import Adaptation, AdaptationKind
+from moar_companion.adaptation import Adaptation
 from moar_companion.autopilots.failsafe_actions import (
     NO_FAILSAFES,
     AutopilotAction,
@@ -25,7 +25,7 @@ from moar_companion.service import planner_worker
 from moar_companion.service.planner_worker import PlannerWorker
 from moar_companion.site import Site
 from moar_companion.types import Mission, RiskIndices, Weights
-from moar_companion.vehicle import Vehicle
+from moar_companion.vehicle import AdaptationKind, Vehicle
 
 
 @pytest.fixture

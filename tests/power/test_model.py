@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.power import PowerModel, landing_s
 from moar_companion.risk_model import RiskModel
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 from moar_companion.vehicle import Power
 
 from .aircraft import X500, model_of
@@ -43,10 +43,10 @@ def test_missing_powers_follow_from_hover_power_and_endurance():
 
 def test_the_duration_of_a_landing_depends_on_the_autopilot():
     # 2.1 m at 0.7 m/s and 5 s on the ground; at 0.5 m/s and 1 s.
-    assert landing_s(2.1, autopilots.PX4) == pytest.approx(8.0)
-    assert landing_s(2.1, autopilots.ARDUPILOT) == pytest.approx(5.2)
-    assert landing_s(2.1, autopilots.UNKNOWN) == pytest.approx(9.2)
-    assert model_of().landing_wh(2.1, autopilots.PX4) == pytest.approx(8.0 * 300.0 / 3600.0)
+    assert landing_s(2.1, PX4) == pytest.approx(8.0)
+    assert landing_s(2.1, ARDUPILOT) == pytest.approx(5.2)
+    assert landing_s(2.1, UNKNOWN) == pytest.approx(9.2)
+    assert model_of().landing_wh(2.1, PX4) == pytest.approx(8.0 * 300.0 / 3600.0)
 
 
 def test_the_sections_of_a_vehicle_file_make_the_power_model():

@@ -20,6 +20,7 @@ from moar_companion.telemetry import (
     RemoteControl,
     Telemetry,
 )
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 from tests.vehicles import named_vehicle
 
 LINEDRONE = named_vehicle("linedrone_uniform")
@@ -29,7 +30,7 @@ STEADY = Arrivals(count=151, first_s=0.0, last_s=5.0, longest_gap_s=0.04)
 
 def findings(
     *,
-    kind=autopilots.PX4,
+    kind=PX4,
     vehicle=LINEDRONE,
     armed=False,
     failsafe=False,
@@ -95,7 +96,7 @@ def test_an_aircraft_that_sends_only_heartbeats_never_passes():
 
 
 def test_an_unknown_autopilot_is_reported():
-    assert findings(kind=autopilots.UNKNOWN)["autopilot"].level is NO_GO
+    assert findings(kind=UNKNOWN)["autopilot"].level is NO_GO
 
 
 def test_a_vehicle_that_is_no_multirotor_is_a_no_go():
@@ -113,15 +114,15 @@ def test_a_failsafe_is_a_no_go():
 @pytest.mark.parametrize(
     ("kind", "version", "release", "level"),
     [
-        (autopilots.PX4, (1, 17, 0), "", OK),
-        (autopilots.PX4, (1, 18, 0), "beta", OK),
-        (autopilots.PX4, (1, 15, 4), "", NOTE),
-        (autopilots.PX4, (1, 13, 3), "", WARNING),
-        (autopilots.ARDUPILOT, (4, 6, 3), "", OK),
-        (autopilots.ARDUPILOT, (4, 7, 1), "", NOTE),
-        (autopilots.ARDUPILOT, (4, 8, 0), "dev", WARNING),
-        (autopilots.PX4, (1, 19, 0), "", WARNING),
-        (autopilots.ARDUPILOT, (4, 2, 3), "", WARNING),
+        (PX4, (1, 17, 0), "", OK),
+        (PX4, (1, 18, 0), "beta", OK),
+        (PX4, (1, 15, 4), "", NOTE),
+        (PX4, (1, 13, 3), "", WARNING),
+        (ARDUPILOT, (4, 6, 3), "", OK),
+        (ARDUPILOT, (4, 7, 1), "", NOTE),
+        (ARDUPILOT, (4, 8, 0), "dev", WARNING),
+        (PX4, (1, 19, 0), "", WARNING),
+        (ARDUPILOT, (4, 2, 3), "", WARNING),
     ],
 )
 def test_firmware_is_compared_with_the_measured_versions(kind, version, release, level):

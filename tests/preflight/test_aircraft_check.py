@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.config import CompanionConfig, Supervision, shipped_configs
 from moar_companion.error_margin import flown_site
 from moar_companion.link_config import LinkConfig, LinkRole
@@ -14,7 +13,7 @@ from moar_companion.planner.planner import Planner
 from moar_companion.preflight.aircraft_check import WAIT_S, Preflight
 from moar_companion.preflight.findings import Level
 from moar_companion.site import Site
-from moar_companion.types import Mission
+from moar_companion.types import ARDUPILOT, Mission
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options
 from sitl.fence_areas import Item
@@ -248,7 +247,7 @@ def test_two_autopilots_are_both_named():
 
 
 def test_an_autopilot_that_is_not_that_of_the_vehicle_file_is_a_finding():
-    vehicle = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
+    vehicle = replace(VEHICLE, autopilot=ARDUPILOT)
     finding = Look(vehicle=vehicle).findings()["autopilot"]
     assert (finding.level, "the vehicle file names ardupilot" in finding.text) == (NO_GO, True)
 

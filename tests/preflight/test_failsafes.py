@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import Trigger
 from moar_companion.autopilots.parameter_names import Parameters
@@ -20,11 +19,10 @@ from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.safety.failsafe_paths import exposed_places
 from moar_companion.site import Site
-from moar_companion.types import Mission
+from moar_companion.types import ARDUPILOT, PX4, Mission
 from tests.vehicles import named_vehicle
 
 OK, NOTE, WARNING, NO_GO = Level
-PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = named_vehicle("linedrone_uniform")
 PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)

@@ -1,6 +1,5 @@
 """The autopilot's fence compared with a small site: each kind of finding by a fence that has it."""
 
-from moar_companion import autopilots
 from moar_companion.autopilots.fence import Area, Fence, Limit
 from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.link_config import LinkConfig
@@ -11,6 +10,7 @@ from moar_companion.preflight.aircraft_check import Preflight
 from moar_companion.preflight.fence_check import fence_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.site_routes import routes_of
+from moar_companion.types import PX4
 
 from ..losses import loss_of
 from ..mavlink.peer import Peer
@@ -110,7 +110,7 @@ def test_a_route_without_a_path_has_no_time_and_no_objection():
     wall = polygon((5.2, -1.0), (5.8, -1.0), (5.8, 20.0), (5.2, 20.0))
     planner = Planner(make_site(wall), make_vehicle())
     ((route,),) = routes_of(planner).values()
-    falls = loss_of(autopilots.PX4, COM_OBL_RC_ACT=7.0)
+    falls = loss_of(PX4, COM_OBL_RC_ACT=7.0)
     assert route.plan.status is PlanStatus.UNREACHABLE
     assert (route.flown_s(planner), route.objection(planner, falls, None)) == (0.0, None)
     free = Planner(make_site(), make_vehicle())

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.config import LossCheck, Supervision, shipped_configs
 from moar_companion.error_margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.failsafes import LOSS_SUBJECT, loss_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.site import Site
+from moar_companion.types import ARDUPILOT, PX4
 from tests.vehicles import named_vehicle
 
 from ..companion.desk import ACCEPTED, DENIED, INSPECTION, Desk, mavlink
@@ -19,8 +19,8 @@ from ..losses import loss_of
 
 OK, NOTE, WARNING, NO_GO = Level
 KINDS = {
-    autopilots.PX4: mavlink.MAV_AUTOPILOT_PX4,
-    autopilots.ARDUPILOT: mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+    PX4: mavlink.MAV_AUTOPILOT_PX4,
+    ARDUPILOT: mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
 }
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = named_vehicle("linedrone_uniform")
@@ -39,11 +39,11 @@ def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):
 @pytest.mark.parametrize(
     ("kind", "name", "value"),
     [
-        (autopilots.PX4, "COM_OBL_RC_ACT", 0.0),
-        (autopilots.PX4, "COM_OBL_RC_ACT", 4.0),
-        (autopilots.PX4, "COM_OBL_RC_ACT", 7.0),
-        (autopilots.ARDUPILOT, "GUID_TIMEOUT", 60.0),
-        (autopilots.ARDUPILOT, "WP_ACC", 0.5),
+        (PX4, "COM_OBL_RC_ACT", 0.0),
+        (PX4, "COM_OBL_RC_ACT", 4.0),
+        (PX4, "COM_OBL_RC_ACT", 7.0),
+        (ARDUPILOT, "GUID_TIMEOUT", 60.0),
+        (ARDUPILOT, "WP_ACC", 0.5),
     ],
 )
 def test_the_check_reports_the_same_findings_as_the_service_in_flight(policy, kind, name, value):
@@ -64,7 +64,7 @@ def test_the_check_reports_the_same_findings_as_the_service_in_flight(policy, ki
 
 
 def test_an_escape_route_is_warned_about_and_never_a_no_go():
-    findings = found(autopilots.PX4, COM_OBL_RC_ACT=7.0)
+    findings = found(PX4, COM_OBL_RC_ACT=7.0)
     assert [(item.level, "exit from splice-outer" in item.text) for item in findings] == [
         (WARNING, True),
         (NO_GO, False),
@@ -79,4 +79,4 @@ def test_an_autopilot_that_holds_hits_no_obstacle(kind):
 
 
 def test_a_site_without_targets_has_no_route_findings():
-    assert found(autopilots.PX4, planner=Planner(replace(SITE, targets=()), VEHICLE)) == []
+    assert found(PX4, planner=Planner(replace(SITE, targets=()), VEHICLE)) == []

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.error_margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.findings import Level, worst
 from moar_companion.preflight.site_check import site_findings
 from moar_companion.site import Conductor, Polygon, Site, Target
-from moar_companion.types import Mission
+from moar_companion.types import ARDUPILOT, Mission
 from moar_companion.vehicle import Vehicle
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EXIT, INSPECTION
@@ -210,7 +209,7 @@ def test_the_margin_is_reported_with_a_warning_if_it_is_less_than_the_measured_e
     finding = found()["margin"]
     reported = "2.55 m beyond every keep_out_m: position error 1.4 m, tracking error 1.15 m"
     assert (finding.level, finding.text) == (OK, reported)
-    ardupilot = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
+    ardupilot = replace(VEHICLE, autopilot=ARDUPILOT)
     assert found(vehicle=ardupilot)["margin"].text.startswith("1.40 m beyond")
     finding = found(limits=Supervision(position_uncertainty_m=0.2))["margin"]
     assert finding.level is WARNING

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.power import Demands, PowerModel
 from moar_companion.radio import Radio
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
@@ -31,7 +30,7 @@ from moar_companion.telemetry import (
     Telemetry,
     Wind,
 )
-from moar_companion.types import GeodeticPoint
+from moar_companion.types import PX4, GeodeticPoint
 
 Source = Callable[[float], Any]
 
@@ -40,7 +39,7 @@ HEALTHY: dict[str, Source] = {
         received_s=t,
         system_id=1,
         component_id=1,
-        kind=autopilots.PX4,
+        kind=PX4,
         armed=True,
         custom_mode=0,
         mode="OFFBOARD",

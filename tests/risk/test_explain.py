@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.adaptation import Adaptation, AdaptationKind, Calibration
+from moar_companion.adaptation import Adaptation, Calibration
 from moar_companion.risk import IndexReport, InputReport
 from moar_companion.risk.explain import (
     WeightsReason,
@@ -21,6 +21,7 @@ from moar_companion.risk.explain import (
 from moar_companion.risk.input_reports import YES_OR_NO
 from moar_companion.risk_model import RiskModel
 from moar_companion.types import RiskIndices, Weights
+from moar_companion.vehicle import AdaptationKind
 
 EQUAL = Weights.normalised(1, 1, 1)
 

@@ -14,6 +14,7 @@ from moar_companion.preflight.risks import held_wind_finding
 from moar_companion.risk.holding import held_wind_mps, is_saturated, tilt_limit
 from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import Attitude, Telemetry
+from moar_companion.types import ARDUPILOT, PX4
 from tests.vehicles import named_vehicle
 
 from .conftest import HEALTHY
@@ -24,24 +25,24 @@ MODEL = RiskModel()
 @pytest.mark.parametrize(
     ("kind", "parameters", "degrees", "source"),
     [
-        (autopilots.PX4, {"MPC_TILTMAX_AIR": 45.0}, 45.0, "MPC_TILTMAX_AIR"),
-        (autopilots.ARDUPILOT, {"ATC_ANGLE_MAX": 30.0}, 30.0, "ATC_ANGLE_MAX"),
+        (PX4, {"MPC_TILTMAX_AIR": 45.0}, 45.0, "MPC_TILTMAX_AIR"),
+        (ARDUPILOT, {"ATC_ANGLE_MAX": 30.0}, 30.0, "ATC_ANGLE_MAX"),
         (
-            autopilots.ARDUPILOT,
+            ARDUPILOT,
             {"ATC_ANGLE_MAX": 30.0, "PSC_ANGLE_MAX": 20.0},
             20.0,
             "PSC_ANGLE_MAX",
         ),
         (
-            autopilots.ARDUPILOT,
+            ARDUPILOT,
             {"ATC_ANGLE_MAX": 30.0, "PSC_ANGLE_MAX": 0.0},
             30.0,
             "ATC_ANGLE_MAX",
         ),
-        (autopilots.PX4, {}, math.degrees(0.52), "risk.tilt_deg"),
-        (autopilots.PX4, {"MPC_TILTMAX_AIR": None}, 20.0, "MPC_TILTMAX_AIR"),
+        (PX4, {}, math.degrees(0.52), "risk.tilt_deg"),
+        (PX4, {"MPC_TILTMAX_AIR": None}, 20.0, "MPC_TILTMAX_AIR"),
         (
-            autopilots.PX4,
+            PX4,
             {"MPC_TILTMAX_AIR": 45.0, "MPC_THR_HOVER": 0.8},
             math.degrees(math.acos(0.8 / 0.9)),
             "MPC_THR_HOVER",
@@ -64,7 +65,7 @@ def test_the_greatest_wind_that_can_be_held_leans_the_aircraft_to_its_limit():
 def test_the_check_names_the_limiting_wind_the_key_and_the_parameter():
     parameters = Parameters({"ATC_ANGLE_MAX": 20.0})
     vehicle = named_vehicle("linedrone_uniform")
-    finding = held_wind_finding(autopilots.ARDUPILOT, parameters, vehicle, Supervision())
+    finding = held_wind_finding(ARDUPILOT, parameters, vehicle, Supervision())
     assert finding.level is Level.NOTE
     for word in ("ATC_ANGLE_MAX", "risk.drag_per_s", "supervision.wind_limit_mps"):
         assert word in finding.text

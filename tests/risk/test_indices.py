@@ -33,7 +33,7 @@ from moar_companion.telemetry import (
     Telemetry,
     Wind,
 )
-from moar_companion.types import GeodeticPoint
+from moar_companion.types import UNKNOWN, GeodeticPoint
 
 INDICES = ("wind", "communication", "localization", "battery")
 MODEL = RiskModel(cells=4)
@@ -63,7 +63,7 @@ wild_telemetry = st.builds(
         received_s=received,
         system_id=st.just(1),
         component_id=st.just(1),
-        kind=st.sampled_from([*autopilots.PROFILES, autopilots.UNKNOWN]),
+        kind=st.sampled_from([*autopilots.PROFILES, UNKNOWN]),
         armed=st.booleans(),
         custom_mode=st.just(0),
         mode=st.just(""),

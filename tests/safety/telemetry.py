@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from moar_companion import autopilots
 from moar_companion.telemetry import AutopilotStatus
+from moar_companion.types import PX4
 
 OFFBOARD = 0x00060000
 
@@ -13,7 +13,7 @@ def px4_status(received_s, **changes):
     usual = {
         "system_id": 1,
         "component_id": 1,
-        "kind": autopilots.PX4,
+        "kind": PX4,
         "armed": True,
         "custom_mode": OFFBOARD,
         "mode": "OFFBOARD",

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.perception.lidar_scan import PacketFault
 from moar_companion.perception.perception_report import SensorHealth
 from moar_companion.perception_config import Perception, Sensor
@@ -17,6 +16,7 @@ from moar_companion.safety.autopilot_failsafe import reported
 from moar_companion.safety.check_inputs import Host
 from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics, Readiness
+from moar_companion.types import ARDUPILOT
 
 from .seen import (
     BATTERY,
@@ -36,7 +36,7 @@ from .test_checks_of_place import STORIES as OF_PLACE
 
 def lands_in_failsafe(**changes):
     """Inputs of an ArduPilot that lands in a failsafe."""
-    landing = {"kind": autopilots.ARDUPILOT, "mode": "LAND", "homeward": True}
+    landing = {"kind": ARDUPILOT, "mode": "LAND", "homeward": True}
     return flies(HOVERING, failsafe=True, **landing, **changes)
 
 
@@ -159,7 +159,7 @@ STORIES = [
         flies(
             HOVERING,
             failsafe=True,
-            kind=autopilots.ARDUPILOT,
+            kind=ARDUPILOT,
             mode="LOITER",
             failsafes={Failsafe.BATTERY},
         ),
@@ -167,7 +167,7 @@ STORIES = [
     ),
     (
         "one that has taken ArduPilot's mode",
-        flies(HOVERING, failsafe=True, kind=autopilots.ARDUPILOT, mode="LAND", homeward=True),
+        flies(HOVERING, failsafe=True, kind=ARDUPILOT, mode="LAND", homeward=True),
         {"failsafe_took_mode": "failsafe chose LAND"},
     ),
     (

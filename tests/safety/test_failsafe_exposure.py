@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
 from moar_companion.autopilots.parameter_names import Parameters
@@ -17,6 +16,7 @@ from moar_companion.power import Meter, PowerModel
 from moar_companion.safety.failsafe_exposure import FailsafeExposure
 from moar_companion.safety.failsafe_paths import STAYS, paths
 from moar_companion.telemetry import Battery, PeerHeartbeat, Telemetry
+from moar_companion.types import ARDUPILOT, PX4
 
 from ..planner.problems import conductor, make_site, make_vehicle
 
@@ -27,7 +27,7 @@ STATION = Telemetry(ground_station=PeerHeartbeat(system_id=255, received_s=0.0))
 LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
 
 
-def watching(telemetry=STATION, kind=autopilots.PX4, **parameters):
+def watching(telemetry=STATION, kind=PX4, **parameters):
     watch = FailsafeExposure(Supervision(), POWER)
     parameters_read = Parameters({**profile(kind).parameters.defaults, **parameters})
     assert watch.learn(kind, parameters_read, None, telemetry)
@@ -98,9 +98,9 @@ def test_a_ground_station_that_only_the_autopilot_receives_can_be_lost():
 @pytest.mark.parametrize("moved_m", [0.5, 2.0])
 def test_a_moved_home_updates_the_failsafe_actions(moved_m):
     watch = watching(**LANDS)
-    parameters_read = Parameters({**profile(autopilots.PX4).parameters.defaults, **LANDS})
-    assert watch.learn(autopilots.PX4, parameters_read, (0.0, 0.0, 0.0), STATION)
-    moved = watch.learn(autopilots.PX4, parameters_read, (moved_m, 0.0, 0.0), STATION)
+    parameters_read = Parameters({**profile(PX4).parameters.defaults, **LANDS})
+    assert watch.learn(PX4, parameters_read, (0.0, 0.0, 0.0), STATION)
+    moved = watch.learn(PX4, parameters_read, (moved_m, 0.0, 0.0), STATION)
     assert moved is (moved_m > 1.0)
     assert replace(watch.failsafes).home_m == ((moved_m if moved else 0.0), 0.0, 0.0)
 
@@ -109,7 +109,7 @@ def test_a_predictable_battery_threshold_counts_beside_an_unpredictable_one():
     """ArduPilot's charge and voltage: without a number of cells only the charge has a time."""
     assert POWER.cells is None
     capacity = {"BATT_CAPACITY": 5000.0, "BATT_LOW_MAH": 1500.0, "BATT_LOW_VOLT": 19.8}
-    watch = watching(kind=autopilots.ARDUPILOT, BATT_FS_LOW_ACT=1.0, **capacity)
+    watch = watching(kind=ARDUPILOT, BATT_FS_LOW_ACT=1.0, **capacity)
     at = 0.3 + 20.0 / (POWER.capacity_wh / POWER.hover_w * 3600.0)
     assert reason(watch, ABOVE, at) == "landing in 20 s hits wire"
     assert reason(watch, ABOVE, 1.0) is None
@@ -119,7 +119,7 @@ def test_a_predictable_battery_threshold_counts_beside_an_unpredictable_one():
 def test_a_hold_on_low_battery_counts_as_the_landing_on_critical_battery():
     """BRAKE on a low battery ends companion control; the critical battery then lands there."""
     watch = watching(
-        kind=autopilots.ARDUPILOT,
+        kind=ARDUPILOT,
         BATT_CAPACITY=5000.0,
         BATT_LOW_MAH=3500.0,
         BATT_LOW_VOLT=0.0,
@@ -160,8 +160,8 @@ def voltage_reason(power, voltage_v, charge, *, place_m=ABOVE, leaving_s=0.0):
     )
     telemetry = Telemetry(ground_station=STATION.ground_station, batteries={0: battery})
     watch = FailsafeExposure(Supervision(), power)
-    parameters = Parameters(profile(autopilots.ARDUPILOT).parameters.defaults | LANDS_AT_14_V)
-    assert watch.learn(autopilots.ARDUPILOT, parameters, None, telemetry)
+    parameters = Parameters(profile(ARDUPILOT).parameters.defaults | LANDS_AT_14_V)
+    assert watch.learn(ARDUPILOT, parameters, None, telemetry)
     left = Meter(left_wh=charge * power.capacity_wh)
     watch.update(place_m, REACH, telemetry, left, 0.0)
     return watch.reason(telemetry, left, leaving_s=leaving_s, limit_s=120.0, from_s=0.0, now_s=0.0)

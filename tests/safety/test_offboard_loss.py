@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
-from moar_companion import autopilots
 from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import AutopilotAction
 from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.safety.failsafe_paths import first_hit, loss_objection
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 from sitl.autopilot import FakeAutopilot, Options
 from tests.thorough import sampled
 
@@ -24,7 +24,6 @@ from ..copies import copy_of
 from ..flights.operator import Manner, Operator
 from ..planner.problems import conductor, make_site
 
-PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 DEFAULTS = {kind: profile(kind).parameters.defaults for kind in (PX4, ARDUPILOT)}
 
 
@@ -63,7 +62,7 @@ def test_the_action_is_unknown_before_all_parameters_are_requested(kind):
     for name in profile(kind).loss_parameters:
         others = {key: value for key, value in DEFAULTS[kind].items() if key != name}
         assert profile(kind).offboard_loss(Parameters(others)) is None
-    assert profile(autopilots.UNKNOWN).offboard_loss(Parameters({})) is None
+    assert profile(UNKNOWN).offboard_loss(Parameters({})) is None
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
