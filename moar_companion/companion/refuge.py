@@ -43,9 +43,10 @@ _LASTS_S = 30.0
 until then."""
 _BLIND_M = 1.0
 """Error that dead reckoning adds until the end of the leg: 0.9 m in 5 s, as PX4 reports it."""
-_OVERDUE_S = 10.0
+_OVERDUE_S = 30.0
 """Time after which an action that was due does not come: PX4 holds 5 s before it (COM_FAIL_ACT_T),
-and its charge is filtered. The escape route goes on then."""
+ArduPilot waits 10 s (BATT_LOW_TIMER), and both filter. The escape route, on which the action would
+hit an obstacle, goes on then."""
 _BLIND_BEGINS_S = 8.0
 """Time after the loss of the fix in which a leg may begin: ArduPilot lands 7.9 s after it. An
 autopilot that has not landed by then has another source of its position."""

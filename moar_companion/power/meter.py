@@ -136,6 +136,17 @@ class Meter:
         usable_wh = max(0.0, self.left_wh - charge * model.capacity_wh)
         return usable_wh / (self.factor * model.hover_w) * S_PER_H
 
+    def until_reported_s(self, model: PowerModel, charge: float) -> float | None:
+        """Hover time until a battery's report is down to a charge in [0, 1]; None if unknown.
+
+        The autopilot acts by that report, also where a low voltage says that less is left.
+        """
+        reported = [pack.charge for pack in self.packs.values() if pack.reported is not None]
+        if not reported:
+            return self.until_s(model, charge)
+        usable_wh = max(0.0, min(reported) - charge) * model.capacity_wh
+        return usable_wh / (self.factor * model.hover_w) * S_PER_H
+
     def left_after_s(self, model: PowerModel, need_wh: float | None) -> float | None:
         """Hover time left after using need_wh, in Wh of the file; None if unknown."""
         flight_s = self.flight_s(model)

@@ -302,7 +302,7 @@ def _times_s(
     """Flight times until the thresholds of a battery's action; None: cannot be forecast."""
     times_s: list[float | None] = []
     if action.charge is not None:
-        times_s.append(meter.until_s(power, action.charge))
+        times_s.append(meter.until_reported_s(power, action.charge))
     if action.voltage_v is not None:
         times_s.append(_until_voltage_s(action.voltage_v, telemetry, meter, power))
     return times_s

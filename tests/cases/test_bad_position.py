@@ -176,3 +176,16 @@ def test_before_a_battery_that_falls_fast_lands_the_aircraft_is_where_that_hits_
         assert flight.hull_clearance_m(flight.place_m) > 2.5
     assert flight.operator.has_received("to leave, leaving")
     assert flight.operator.has_received("failsafe chose HOLD")
+
+
+@pytest.mark.slow
+def test_a_voltage_that_sags_below_the_reported_charge_does_not_hold_up_the_exit():
+    """ArduPilot acts by the charge in mAh: its landing comes in 24 s, not in 3."""
+    parameters = {"BATT_FS_CRT_ACT": 1, "BATT_LOW_MAH": 429, "BATT_CRT_MAH": 198}
+    flight = at_inner_target(manner=Manner.ARDUPILOT, options={"parameters": parameters})
+    flight.autopilot.conditions.battery_percent = 13.0
+    began_s = flight.now_s
+    while not flight.truth.on_ground and flight.now_s - began_s < 60.0:
+        flight.step()
+        assert flight.hull_clearance_m(flight.place_m) > 2.0
+    assert flight.operator.has_received("above the landing point, holding")

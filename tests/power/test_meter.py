@@ -199,3 +199,20 @@ def test_the_time_until_a_charge_is_unknown_without_the_remaining_energy():
     assert Meter().until_s(model, 0.2) is None
     assert Meter(left_wh=50.0).until_s(model, 0.2) == pytest.approx(30.0 / 300.0 * 3600.0)
     assert Meter(left_wh=10.0).until_s(model, 0.2) == 0.0
+
+
+def test_a_low_voltage_lessens_the_energy_left_but_not_the_time_until_a_reported_charge():
+    model = model_of(cells=4)
+    aircraft = Aircraft(model, charges=(0.5,), tells=("remaining",)).fly(30.0)
+    before_s = aircraft.meter.until_reported_s(model, 0.3)
+    aircraft.voltage_v = 13.7
+    sagging = aircraft.fly(1.0).meter
+    assert sagging.left_wh < 0.2 * model.capacity_wh
+    assert sagging.until_s(model, 0.3) == 0.0
+    assert sagging.until_reported_s(model, 0.3) == pytest.approx(before_s - 1.0, abs=10.0)
+
+
+def test_without_a_reported_charge_the_time_until_a_charge_is_by_the_energy_left():
+    model = model_of(cells=4)
+    meter = Aircraft(model, tells=()).fly(5.0).meter
+    assert meter.until_reported_s(model, 0.3) == meter.until_s(model, 0.3)
