@@ -2,11 +2,12 @@
 
 import pytest
 
-from moar_companion.autopilots import ARDUPILOT, PX4, UNKNOWN, profile
+from moar_companion.autopilots import profile
 from moar_companion.autopilots.parameter_names import Parameters
 from moar_companion.config import LossCheck, shipped_configs
 from moar_companion.preflight.aircraft_check import parameter_findings
 from moar_companion.preflight.findings import Finding, Level, worst
+from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 from moar_companion.vehicle import Vehicle
 from tests.vehicles import named_vehicle
 
