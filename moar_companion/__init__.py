@@ -9,9 +9,9 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from .planner.plan_values import Plan, PlanStatus
     from .planner.planner import Planner
-    from .site import Site
+    from .planner.site import Site
+    from .settings.vehicle import Vehicle
     from .types import Mission, RiskIndices, Weights
-    from .vehicle import Vehicle
 
 __all__ = [
     "Mission",
@@ -30,8 +30,8 @@ _HOMES = {
     "PlanStatus": "planner.plan_values",
     "Planner": "planner.planner",
     "RiskIndices": "types",
-    "Site": "site",
-    "Vehicle": "vehicle",
+    "Site": "planner.site",
+    "Vehicle": "settings.vehicle",
     "Weights": "types",
 }
 """Modules by name, imported at first use: the command line's help needs no compiler."""

@@ -15,7 +15,7 @@ def main() -> int:
     signal.signal(signal.SIGINT, _end)
     # No plugins are used; pydantic would search every installed package for them.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    from .cli import main as run  # noqa: PLC0415
+    from .commands.cli import main as run  # noqa: PLC0415
 
     status = run()
     # The work is done: an interrupt while Python shuts down is ignored.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from moar_companion.safety.condition_types import Action, Override
+from moar_companion.companion.safety.condition_types import Action, Override
 
 
 def all_actions(row):

@@ -14,6 +14,7 @@ import sys
 import pytest
 from hypothesis import settings
 
+import moar_companion
 from tests.real_time import inconclusive, witness  # noqa: F401 - a fixture of all tests
 
 settings.register_profile(
@@ -99,11 +100,11 @@ _counted = set()
 
 def _import_counted_modules():
     """A module's own lines run once, which may be within a test that is not counted."""
-    for folder in sorted(_EVERY_CASE | _FIRST_CASES):
-        package = importlib.import_module(f"moar_companion.{folder}")
-        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if not module.name.endswith("__main__"):
-                importlib.import_module(module.name)
+    counted = _EVERY_CASE | _FIRST_CASES
+    for module in pkgutil.walk_packages(moar_companion.__path__, "moar_companion."):
+        packages = module.name.split(".")[1:-1]
+        if counted.intersection(packages) and not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
 
 
 def _is_counted(item):

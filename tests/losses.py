@@ -1,7 +1,7 @@
 """The flight after an offboard loss, by some parameters of an autopilot, else by its defaults."""
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.parameter_names import Parameters
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
 
 
 def loss_of(kind, **parameters):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from moar_companion import cli
+from moar_companion.commands import cli
 
 
 def one_line(argv, status, capsys):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from moar_companion.config import shipped_configs
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 
 _OWN = Path(__file__).parent / "data" / "vehicles"
 

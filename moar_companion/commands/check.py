@@ -16,23 +16,23 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
-from ..config import CompanionConfig
 from ..errors import InputError, LinkError
 from ..service.mqtt_settings import SettingNames, read_broker, read_order_key
 from ..service.signing_clock import load_signing
-from ..text_format import printable
+from ..settings.config import CompanionConfig
+from ..texts.text_format import printable
 from .options import add_file
 from .outputs import print_text
 from .service import add_config, link_problems, merged
 
 if TYPE_CHECKING:
+    from ..companion.preflight.aircraft_check import Preflight
+    from ..companion.preflight.findings import Finding
     from ..mavlink.peers import Address
     from ..mavlink.signing import Signing
     from ..planner.planner import Planner
-    from ..preflight.aircraft_check import Preflight
-    from ..preflight.findings import Finding
-    from ..site import Site
-    from ..vehicle import Vehicle
+    from ..planner.site import Site
+    from ..settings.vehicle import Vehicle
 
 _PERIOD_S = 0.02
 _STYLES = ("green", "cyan", "yellow", "bold red")
@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Checks the files, then the aircraft; prints the findings."""
-    from ..preflight.findings import Level, worst  # noqa: PLC0415
+    from ..companion.preflight.findings import Level, worst  # noqa: PLC0415
 
     errors: list[InputError] = []
     config, vehicle, site, signing = _read(arguments, errors)
@@ -98,7 +98,7 @@ def _aircraft(
     config: CompanionConfig, vehicle: Vehicle, planner: Planner | None, signing: Signing | None
 ) -> tuple[list[Finding], bool]:
     """Findings about the aircraft on the links; True if there is an aircraft."""
-    from ..preflight.aircraft_check import Preflight  # noqa: PLC0415
+    from ..companion.preflight.aircraft_check import Preflight  # noqa: PLC0415
 
     urls = [link.url for link in config.links]
     print_text(f"Aircraft on {', '.join(urls)}\n")
@@ -116,8 +116,8 @@ def _read(
     """Reads each file separately, so that all errors are reported at once."""
     if arguments.files and arguments.connect:
         raise InputError("--files", "", "opens no link, must be given without --connect")
-    from ..site import Site  # noqa: PLC0415
-    from ..vehicle import Vehicle  # noqa: PLC0415
+    from ..planner.site import Site  # noqa: PLC0415
+    from ..settings.vehicle import Vehicle  # noqa: PLC0415
 
     config = _tried(partial(merged, arguments), errors)
     vehicle_file, site_file = arguments.vehicle, arguments.site
@@ -143,7 +143,7 @@ def _tried(load: Callable[[], Value], errors: list[InputError]) -> Value | None:
 
 
 def _unusable(errors: Iterable[InputError]) -> list[Finding]:
-    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+    from ..companion.preflight.findings import Finding, Level  # noqa: PLC0415
 
     return [
         Finding(
@@ -157,14 +157,14 @@ def _unusable(errors: Iterable[InputError]) -> list[Finding]:
 
 def _planner(site: Site, vehicle: Vehicle, config: CompanionConfig) -> Planner:
     """Planner for the site as the service flies it."""
-    from ..error_margin import flown_site  # noqa: PLC0415
+    from ..companion.error_margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
 
     return Planner(flown_site(site, vehicle, config.supervision), vehicle)
 
 
 def _looked_at(planner: Planner) -> list[Finding]:
-    from ..preflight.site_check import site_findings  # noqa: PLC0415
+    from ..companion.preflight.site_check import site_findings  # noqa: PLC0415
 
     return site_findings(planner)
 
@@ -197,7 +197,7 @@ async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
 
 def _unopened(error: LinkError) -> Finding:
     """Finding for a link that cannot be opened."""
-    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+    from ..companion.preflight.findings import Finding, Level  # noqa: PLC0415
 
     cause = error.__cause__
     number = cause.errno if isinstance(cause, OSError) else None
@@ -235,7 +235,7 @@ def _report(heading: str, findings: list[Finding]) -> list[Finding]:
 
 def _summary(findings: list[Finding], *, files: bool, seen: bool) -> str:
     """The last line. files: only the files were checked. seen: an aircraft was checked."""
-    from ..preflight.findings import Level  # noqa: PLC0415
+    from ..companion.preflight.findings import Level  # noqa: PLC0415
 
     levels = [finding.level for finding in findings]
     stopping, warnings = levels.count(Level.NO_GO), levels.count(Level.WARNING)

@@ -15,12 +15,12 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
+from ..companion.mission_states import MissionState
 from ..errors import LinkError
 from ..mavlink.commands import RESULT_NAMES, CommandResult
 from ..mavlink.modes import mode_name
 from ..mavlink.translate import autopilot_kind
 from ..mavlink.urls import parse_url
-from ..mission_states import MissionState
 from ..types import Mission
 from .ground_station import COMPANION, GroundStation
 from .options import add_file, number, refused
@@ -128,7 +128,7 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
         raise refused("--target", given, f"but {order} has no target")
     names: list[str] | None = None
     if site_file is not None:
-        from ..site import Site  # noqa: PLC0415
+        from ..planner.site import Site  # noqa: PLC0415
 
         site, mission = Site.load(site_file), Mission(order)
         names = [target.name for target in site.targets]

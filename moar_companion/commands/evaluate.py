@@ -25,8 +25,8 @@ from .outputs import print_text, replacing
 from .task_pool import run_tasks, task_pool
 
 if TYPE_CHECKING:
-    from ..evaluation.experiments import Results
-    from ..evaluation.figures.drawing import Picture
+    from ..analysis.evaluation.experiments import Results
+    from ..analysis.evaluation.figures.drawing import Picture
 
 _EXPERIMENTS = ("maps", "sensitivity", "adaptability", "tests", "flight")
 _ALL = "all"
@@ -101,7 +101,7 @@ def _evaluated(
     chosen: Sequence[str], checkout: Path | None, pool: Executor
 ) -> tuple[Results, dict[str, list[Picture]]]:
     """Computes, flies and draws the chosen experiments."""
-    from ..evaluation import experiments, flight  # noqa: PLC0415
+    from ..analysis.evaluation import experiments, flight  # noqa: PLC0415
 
     calls = {name: experiments.sweeps(name, time.thread_time) for name in chosen}
     flights = None if checkout is None else _start_flights(checkout)
@@ -130,7 +130,7 @@ def _divided(items: Sequence[Any], counts: dict[str, int]) -> dict[str, list[Any
 
 
 def _write(results: Results, pictures: dict[str, list[Picture]], folder: Path) -> None:
-    from ..evaluation import experiments  # noqa: PLC0415
+    from ..analysis.evaluation import experiments  # noqa: PLC0415
 
     files = {"report.html": experiments.report(results, pictures).encode()}
     for each in (picture for part in pictures.values() for picture in part):
@@ -194,7 +194,7 @@ def _checkout(program: str) -> Path:
 
 
 def _start_flights(checkout: Path) -> subprocess.Popen[bytes]:
-    from ..evaluation.scenes import FLIGHT_SITE, FLIGHT_VEHICLE  # noqa: PLC0415
+    from ..analysis.evaluation.scenes import FLIGHT_SITE, FLIGHT_VEHICLE  # noqa: PLC0415
 
     return subprocess.Popen(  # noqa: S603 - ourselves
         [sys.executable, "-m", _FLIGHT, str(FLIGHT_SITE), str(FLIGHT_VEHICLE)],

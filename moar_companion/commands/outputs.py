@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from ..text_format import printable
+from ..texts.text_format import printable
 from .options import refused
 
 STDOUT = "-"

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..input_file import open_file, unreadable
-from ..perception_config import DATA_PORTS, Sensor
+from ..settings.input_file import open_file, unreadable
+from ..settings.perception_config import DATA_PORTS, Sensor
 from .options import require
 
 if TYPE_CHECKING:

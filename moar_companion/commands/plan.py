@@ -16,10 +16,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from ..adaptation import Adaptation
 from ..errors import InputError
+from ..planner.adaptation import Adaptation
+from ..settings.vehicle import AdaptationKind
 from ..types import Mission, RiskIndices, Weights
-from ..vehicle import AdaptationKind
 from .options import add_file, file_name, numbers, refused, require, risk_indices
 from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
 from .plan_summary import summary
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..planner.maps import Maps
     from ..planner.plan_values import Plan
     from ..planner.planner import Planner
-    from ..site import Site
+    from ..planner.site import Site
 
 _PICTURE_FORMATS = ("png", "svg", "pdf")
 _MAX_VELOCITY_MPS = 1_000.0
@@ -139,12 +139,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plans, writes the outputs, prints the summary."""
-    from ..config import Supervision, default_vehicle  # noqa: PLC0415
-    from ..error_margin import flown_site, margin_of  # noqa: PLC0415
+    from ..companion.error_margin import flown_site, margin_of  # noqa: PLC0415
     from ..planner.analysis.alternatives import alternatives, unmoved_words  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
-    from ..site import Site  # noqa: PLC0415
-    from ..vehicle import Vehicle  # noqa: PLC0415
+    from ..planner.site import Site  # noqa: PLC0415
+    from ..settings.config import Supervision, default_vehicle  # noqa: PLC0415
+    from ..settings.vehicle import Vehicle  # noqa: PLC0415
 
     report_compiling()
     vehicle_file = arguments.vehicle or str(default_vehicle())
@@ -190,7 +190,7 @@ def run(arguments: argparse.Namespace) -> int:
         document["refined"] = None if refined is None else refined.to_dict()
 
     def draw(stream: IO[bytes]) -> None:
-        from ..outlets.plan_picture import draw_plan  # noqa: PLC0415
+        from ..analysis.pictures.plan_picture import draw_plan  # noqa: PLC0415
 
         draw_plan(
             plan,
@@ -205,7 +205,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
 
     def draw_trade_off(stream: IO[bytes]) -> None:
-        from ..outlets.front_picture import draw_front  # noqa: PLC0415
+        from ..analysis.pictures.front_picture import draw_front  # noqa: PLC0415
 
         draw_front(plan, front, site, vehicle, planner.maps, stream, formats["--pareto-plot"])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..frames import radii_of_curvature_m
+from ..planner.site_frame import radii_of_curvature_m
 from ..types import GeodeticPoint
 from .options import require
 from .packet_captures import read_capture
@@ -130,7 +130,7 @@ def around(
 def _around_origin(cloud: Cloud, at: tuple[float, ...], origin: tuple[float, ...]) -> LocalCloud:
     import numpy as np  # noqa: PLC0415
 
-    from ..frames import SiteFrame  # noqa: PLC0415
+    from ..planner.site_frame import SiteFrame  # noqa: PLC0415
 
     if abs(origin[0]) > 90.0 or abs(origin[1]) > 180.0:
         raise InputError(

@@ -12,18 +12,18 @@ import tempfile
 from dataclasses import dataclass
 from typing import Any
 
+from ..analysis.replay.dataflash_listener import MESSAGES, DataflashListener
+from ..analysis.replay.player import Player, RecordingReader
+from ..analysis.replay.site_position import SitePosition
+from ..analysis.replay.ulog import UlogListener, samples
+from ..analysis.replay.ulog_topics import TOPICS, UlogSample, UlogTopic
 from ..errors import InputError
 from ..mavlink.dataflash import Row, message_names, rows
 from ..mavlink.passive_listener import PassiveListener
 from ..mavlink.tlog import Tlog
-from ..replay.dataflash_listener import MESSAGES, DataflashListener
-from ..replay.player import Player, RecordingReader
-from ..replay.site_position import SitePosition
-from ..replay.ulog import UlogListener, samples
-from ..replay.ulog_topics import TOPICS, UlogSample, UlogTopic
 from ..risk.drag_fit import DragFlight
-from ..text_format import plural
-from ..vehicle import Vehicle
+from ..settings.vehicle import Vehicle
+from ..texts.text_format import plural
 from .options import require
 from .replay_mcap import McapRecording, packets
 

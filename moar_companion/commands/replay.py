@@ -17,16 +17,16 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from ..errors import InputError
-from ..input_file import open_file, unreadable
-from ..text_format import printable
+from ..settings.input_file import open_file, unreadable
+from ..texts.text_format import printable
 from .options import add_file, file_name, refused, require
 from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
 
 if TYPE_CHECKING:
-    from ..outlets.replay_report import Replay
-    from ..replay.site_position import SitePosition
+    from ..analysis.replay.replay_report import Replay
+    from ..analysis.replay.site_position import SitePosition
     from ..risk.drag_fit import DragFlight
-    from ..vehicle import Vehicle
+    from ..settings.vehicle import Vehicle
 
 _GZIP = b"\x1f\x8b"
 _MAX_BYTES = 512 << 20
@@ -70,8 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _run_exactly(arguments)
     if arguments.signing_key is not None:
         raise refused("--signing-key", arguments.signing_key, "must come with --exact")
-    from ..config import shipped_configs  # noqa: PLC0415
-    from ..vehicle import Vehicle  # noqa: PLC0415
+    from ..settings.config import shipped_configs  # noqa: PLC0415
+    from ..settings.vehicle import Vehicle  # noqa: PLC0415
 
     report_compiling()
     vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     replay = played(arguments.recording, vehicle, site_position, drag)
 
     def draw(stream: IO[bytes]) -> None:
-        from ..outlets.replay_picture import draw_replay  # noqa: PLC0415
+        from ..analysis.pictures.replay_picture import draw_replay  # noqa: PLC0415
 
         draw_replay(replay, stream)
 
@@ -158,11 +158,11 @@ def _place_lines(replay: Replay) -> list[str]:
 
 
 def _site_position(site_file: str, vehicle: Vehicle) -> SitePosition:
-    from ..config import Supervision  # noqa: PLC0415
-    from ..error_margin import flown_site  # noqa: PLC0415
+    from ..analysis.replay.site_position import SitePosition  # noqa: PLC0415
+    from ..companion.error_margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
-    from ..replay.site_position import SitePosition  # noqa: PLC0415
-    from ..site import Site  # noqa: PLC0415
+    from ..planner.site import Site  # noqa: PLC0415
+    from ..settings.config import Supervision  # noqa: PLC0415
 
     return SitePosition(Planner(flown_site(Site.load(site_file), vehicle, Supervision()), vehicle))
 

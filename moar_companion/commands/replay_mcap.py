@@ -17,12 +17,12 @@ from mcap.records import Channel, Header, Message
 from mcap.stream_reader import StreamReader
 
 from ..errors import InputError
-from ..input_file import open_file, unreadable
 from ..mavlink.codec import Codec
-from ..outlets.recorded_files import part_name
-from ..recording.calls import arguments_decoded
-from ..recording.flight_log import made_with
-from ..recording.schemas import CALLS
+from ..service.recorded_files import part_name
+from ..service.recording.calls import arguments_decoded
+from ..service.recording.flight_log import made_with
+from ..service.recording.schemas import CALLS
+from ..settings.input_file import open_file, unreadable
 from .outputs import print_text
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def packets(recording: McapRecording) -> Iterator[tuple[float, bytes]]:
 
 def replay_exactly(path: str, key: SigningKey | None) -> int:
     """Replays a recording on a new machine and prints differences; 1 if there are any, else 0."""
-    from ..replay.exact import Difference, ExactReplay  # noqa: PLC0415
+    from ..analysis.replay.exact import Difference, ExactReplay  # noqa: PLC0415
 
     recording, replay = McapRecording(path), ExactReplay(key)
     differences: list[Difference] = []

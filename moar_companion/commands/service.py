@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from ..config import CompanionConfig, default_vehicle
 from ..errors import InputError
-from ..link_config import LinkConfig, LinkRole
 from ..mavlink.urls import LinkAddress, parse_url
+from ..settings.config import CompanionConfig, default_vehicle
+from ..settings.link_config import LinkConfig, LinkRole
 from .options import add_file
 
 INSTALLED_CONFIG = Path("/etc/moar-companion/companion.yaml")

@@ -5,16 +5,16 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from ..config import Authority, CompanionConfig
-from ..error_margin import margin_of, sight_speed_mps
+from ..companion.error_margin import margin_of, sight_speed_mps
+from ..companion.preflight.findings import Finding, Level
 from ..errors import InputError, LinkError
-from ..link_config import KeySource
-from ..mqtt_config import Mqtt, broker_address
-from ..preflight.findings import Finding, Level
+from ..planner.site import Site
 from ..service.directories import Directory, recorder_folder, state_folder, view_socket
 from ..service.perception_process import tried
-from ..site import Site
-from ..vehicle import Vehicle
+from ..settings.config import Authority, CompanionConfig
+from ..settings.link_config import KeySource
+from ..settings.mqtt_config import Mqtt, broker_address
+from ..settings.vehicle import Vehicle
 from .service import INSTALLED_CONFIG
 
 _OWN_HOSTS = {"127.0.0.1", "::1", "localhost"}

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..input_file import open_file, unreadable
+from ..settings.input_file import open_file, unreadable
 from .options import add_file, file_name, number, numbers, refused, require
 from .outputs import check_outputs, print_text, report_compiling, write_output
 
 if TYPE_CHECKING:
     from ..planner.plan_values import Plan
     from ..planner.planner import Planner
-    from ..site import Site
+    from ..planner.site import Site
 
 _MAPS = (".kml", ".geojson", ".json", ".csv")
 
@@ -101,8 +101,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _from_cloud(arguments: argparse.Namespace) -> int:
     from ..perception.conductors import DetectorSettings  # noqa: PLC0415
     from ..perception.spans import find_power_line  # noqa: PLC0415
-    from ..survey.cross_section import site_of_cloud  # noqa: PLC0415
-    from ..survey.site_document import SiteOptions, SurveyError  # noqa: PLC0415
+    from ..perception.survey.cross_section import site_of_cloud  # noqa: PLC0415
+    from ..perception.survey.site_document import SiteOptions, SurveyError  # noqa: PLC0415
     from .point_clouds import around, height_notes, read_cloud  # noqa: PLC0415
 
     out = _out(arguments)
@@ -129,8 +129,8 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     )
 
     def draw(stream: IO[bytes]) -> None:
-        from ..outlets.survey_picture import draw_survey  # noqa: PLC0415
-        from ..outlets.survey_view import SurveyView  # noqa: PLC0415
+        from ..analysis.pictures.survey_picture import draw_survey  # noqa: PLC0415
+        from ..perception.survey.survey_view import SurveyView  # noqa: PLC0415
 
         view = SurveyView(
             document=section.document,
@@ -159,9 +159,9 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
 
 
 def _from_map(arguments: argparse.Namespace) -> int:
-    from ..survey.drawn_site import site_of_features  # noqa: PLC0415
-    from ..survey.map_features import features_of  # noqa: PLC0415
-    from ..survey.site_document import SiteOptions  # noqa: PLC0415
+    from ..perception.survey.drawn_site import site_of_features  # noqa: PLC0415
+    from ..perception.survey.map_features import features_of  # noqa: PLC0415
+    from ..perception.survey.site_document import SiteOptions  # noqa: PLC0415
 
     out = _out(arguments)
     ending = Path(arguments.file).suffix.lower()
@@ -183,8 +183,8 @@ def _from_map(arguments: argparse.Namespace) -> int:
     drawn = site_of_features(features_of(text, arguments.file, ending), arguments.file, options)
 
     def draw(stream: IO[bytes]) -> None:
-        from ..outlets.survey_picture import draw_survey  # noqa: PLC0415
-        from ..outlets.survey_view import SurveyView  # noqa: PLC0415
+        from ..analysis.pictures.survey_picture import draw_survey  # noqa: PLC0415
+        from ..perception.survey.survey_view import SurveyView  # noqa: PLC0415
 
         view = SurveyView(document=drawn.document, marks=drawn.marks)
         draw_survey(view, stream, _format(arguments.plot))
@@ -218,14 +218,14 @@ def _plane_text(document: dict[str, Any]) -> str:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from ..config import Supervision, default_vehicle  # noqa: PLC0415
-    from ..error_margin import flown_site  # noqa: PLC0415
+    from ..companion.error_margin import flown_site  # noqa: PLC0415
+    from ..perception.survey.drawn_site import features_of_site, path_name  # noqa: PLC0415
+    from ..perception.survey.map_features import geojson_of, kml_of  # noqa: PLC0415
+    from ..perception.survey.qgc_plan import qgc_plan_of  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
-    from ..site import Site  # noqa: PLC0415
-    from ..survey.drawn_site import features_of_site, path_name  # noqa: PLC0415
-    from ..survey.map_features import geojson_of, kml_of  # noqa: PLC0415
-    from ..survey.qgc_plan import qgc_plan_of  # noqa: PLC0415
-    from ..vehicle import Vehicle  # noqa: PLC0415
+    from ..planner.site import Site  # noqa: PLC0415
+    from ..settings.config import Supervision, default_vehicle  # noqa: PLC0415
+    from ..settings.vehicle import Vehicle  # noqa: PLC0415
 
     outputs = {
         "--kml": arguments.kml,
@@ -282,7 +282,7 @@ def _paths(planner: Planner, site: Site) -> tuple[list[Plan], list[str]]:
 
 
 def _written(out: str, document: dict[str, Any], remarks: tuple[str, ...]) -> str | None:
-    from ..survey.site_document import site_text  # noqa: PLC0415
+    from ..perception.survey.site_document import site_text  # noqa: PLC0415
 
     text = site_text(document, remarks)
     return write_output("--out", out, partial(_write_text, text))
@@ -315,7 +315,7 @@ def _next(out: str) -> str:
 
 def _finished(failures: list[str | None], written: str | None = None) -> int:
     """Exit status; reads a written site file as its users do, which may refuse it."""
-    from ..site import Site  # noqa: PLC0415
+    from ..planner.site import Site  # noqa: PLC0415
 
     problems = [failure for failure in failures if failure]
     if problems:

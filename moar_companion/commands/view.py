@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.live import Live
 
 from ..errors import LinkError
-from ..outlets.live_view import LiveView, line_of, silence_of
+from .live_view import LiveView, line_of, silence_of
 from .options import file_name
 from .outputs import print_text
 

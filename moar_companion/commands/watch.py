@@ -16,12 +16,12 @@ from rich.console import Console
 from rich.live import Live
 
 from ..errors import LinkError
-from ..mqtt.fleet import SUBSCRIPTION, Fleet
-from ..mqtt.topics import Message
-from ..mqtt_config import Mqtt
-from ..outlets.fleet_view import FleetView, lines_of
+from ..service.mqtt.fleet import SUBSCRIPTION, Fleet
+from ..service.mqtt.topics import Message
 from ..service.mqtt_client import MqttClient
 from ..service.mqtt_settings import SettingNames, read_broker
+from ..settings.mqtt_config import Mqtt
+from .fleet_view import FleetView, lines_of
 from .options import add_file
 from .outputs import print_text
 from .view import keyboard, quit_typed

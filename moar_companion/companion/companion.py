@@ -13,37 +13,37 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..adaptation import Adaptation
-from ..autopilots import profile
-from ..config import CompanionConfig
-from ..contingency.route_cost import EnergyForecast
-from ..estimation.pose import Jump, Pose
-from ..estimation.pose_tracker import PoseTracker, SiteMaps, grounded
-from ..guidance.path_follower import Progress
+from ..mavlink.autopilots import profile
 from ..mavlink.commands import CommandCancelled, DeniedCommand
 from ..mavlink.identity import AutopilotFound, AutopilotRestarted
 from ..mavlink.peers import Address
 from ..mavlink.session import Event, Session, Severity, SystemStatus
 from ..mavlink.signing import Signing, SigningState, link_signings
+from ..mavlink.telemetry import Telemetry
 from ..mavlink.telemetry_receiver import ModeLeft
-from ..mission.values import MissionStatus, Verdict
-from ..mission_states import STREAMING
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
-from ..perception_config import Sensor
-from ..planning.map_jobs import MapAnswer, MapJob
-from ..planning.plan_jobs import PlanAnswer, PlanJob
+from ..planner.adaptation import Adaptation
 from ..risk import RiskEstimate
-from ..safety.check_inputs import Host
-from ..safety.supervisor import Ruling
-from ..telemetry import Telemetry
+from ..settings.config import CompanionConfig
+from ..settings.perception_config import Sensor
+from ..settings.vehicle import Vehicle
 from ..types import Mission, Weights
-from ..vehicle import Vehicle
+from .contingency.route_cost import EnergyForecast
+from .estimation.pose import Jump, Pose
+from .estimation.pose_tracker import PoseTracker, SiteMaps, grounded
+from .guidance.path_follower import Progress
 from .intake import Arrival, Intake
+from .mission.values import MissionStatus, Verdict
 from .mission_executor import MissionExecutor
 from .mission_snapshot import MissionSnapshot
+from .mission_states import STREAMING
 from .operator_commands import OperatorCommands
+from .planning.map_jobs import MapAnswer, MapJob
+from .planning.plan_jobs import PlanAnswer, PlanJob
 from .reports import Decision, Reports
+from .safety.check_inputs import Host
+from .safety.supervisor import Ruling
 from .safety_monitor import SafetyMonitor
 from .seen_obstacles import SeenObstacles
 from .start_report import StartReport

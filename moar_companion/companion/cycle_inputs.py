@@ -9,29 +9,29 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..config import Supervision
-from ..contingency.contingency_planner import ContingencyInputs
-from ..estimation.pose import Pose
-from ..estimation.pose_tracker import PoseTracker
 from ..mavlink.session import Session
-from ..mission import state_machine
-from ..mission.values import MissionStatus, Situation
-from ..mission_states import IN_CONTROL, STREAMING, MissionState
-from ..power.cells import misread
-from ..safety.check_inputs import CheckInputs, EscapeRoute, Host
-from ..safety.condition_types import Causes
-from ..safety.position_checks import widening_m
-from ..safety.supervisor import Ruling
-from ..safety.uncertainty_growth import AHEAD_S
-from ..site import Margin
-from ..telemetry import LandedState
-from ..text_format import distance
+from ..mavlink.telemetry import LandedState
+from ..planner.site import Margin
+from ..risk.power.cells import misread
+from ..settings.config import Supervision
+from ..settings.vehicle import Vehicle
+from ..texts.text_format import distance
 from ..types import Mission
-from ..vehicle import Vehicle
+from .contingency.contingency_planner import ContingencyInputs
+from .estimation.pose import Pose
+from .estimation.pose_tracker import PoseTracker
+from .mission import state_machine
+from .mission.values import MissionStatus, Situation
+from .mission_states import IN_CONTROL, STREAMING, MissionState
 from .mode_requester import ModeRequester
 from .refuge import Refuge
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
+from .safety.check_inputs import CheckInputs, EscapeRoute, Host
+from .safety.condition_types import Causes
+from .safety.position_checks import widening_m
+from .safety.supervisor import Ruling
+from .safety.uncertainty_growth import AHEAD_S
 from .seen_obstacles import SeenObstacles
 from .setpoint_streamer import SetpointRefusal
 

@@ -8,25 +8,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import pilot_texts
-from ..autopilots import profile
-from ..autopilots.parameter_names import Parameters
-from ..autopilots.profile import Unreported
-from ..config import CompanionConfig
-from ..estimation.pose import Pose
-from ..estimation.pose_tracker import SiteMaps
-from ..estimation.site_fence import SiteFence, fenced
-from ..guidance.flight_volume import FlightVolume
-from ..guidance.path_follower import PathFollower
+from ..mavlink.autopilots import profile
+from ..mavlink.autopilots.parameter_names import Parameters
+from ..mavlink.autopilots.profile import Unreported
 from ..mavlink.session import Session, Severity
 from ..planner.plane_fence import PlaneFence
-from ..power import PowerModel
-from ..safety.failsafe_exposure import FailsafeExposure
-from ..text_format import plural
+from ..risk.power import PowerModel
+from ..settings.config import CompanionConfig
+from ..settings.vehicle import Vehicle
+from ..texts import pilot_texts
+from ..texts.text_format import plural
 from ..types import AutopilotKind, Vector
-from ..vehicle import Vehicle
+from .estimation.pose import Pose
+from .estimation.pose_tracker import SiteMaps
+from .estimation.site_fence import SiteFence, fenced
+from .guidance.flight_volume import FlightVolume
+from .guidance.path_follower import PathFollower
 from .offboard_loss_check import OffboardLossCheck
 from .reports import Reports
+from .safety.failsafe_exposure import FailsafeExposure
 
 
 class FlightLimits:

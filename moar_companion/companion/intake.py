@@ -13,9 +13,9 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 
-from .. import service_texts
 from ..mavlink.peers import Address, Precedence
-from ..text_format import plural
+from ..texts import service_texts
+from ..texts.text_format import plural
 
 Arrival = tuple[float, str, bytes, Address | None]
 """Arrival time in seconds, link, bytes, and on a listening link the sender."""

@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from collections import deque
 
-from .. import service_texts
-from ..config import Authority, CompanionConfig
-from ..error_margin import margin_of
-from ..estimation.pose import Jump
-from ..estimation.pose_tracker import PoseTracker, SiteMaps
-from ..guidance.splice import Adoption
 from ..mavlink.received_commands import Accepted
 from ..mavlink.session import Session, Severity
-from ..mission import state_machine
-from ..mission.values import (
+from ..risk import RiskEstimate
+from ..risk.receivers import trouble
+from ..settings.config import Authority, CompanionConfig
+from ..settings.vehicle import Vehicle
+from ..texts import service_texts
+from .cycle_inputs import ON_THE_WAY, CycleInputs, Faults, escapes
+from .error_margin import margin_of
+from .estimation.pose import Jump
+from .estimation.pose_tracker import PoseTracker, SiteMaps
+from .guidance.splice import Adoption
+from .mission import state_machine
+from .mission.values import (
     Answer,
     Effect,
     FlightEffect,
@@ -31,24 +35,20 @@ from ..mission.values import (
     Task,
     Verdict,
 )
-from ..mission_states import IN_CONTROL, STREAMING, MissionState
-from ..planning.plan_jobs import PlanAnswer
-from ..risk import RiskEstimate
-from ..risk.receivers import trouble
-from ..safety.check_inputs import Host
-from ..safety.condition_types import Action
-from ..safety.position_checks import widening_m
-from ..safety.supervisor import Ruling
-from ..vehicle import Vehicle
-from .cycle_inputs import ON_THE_WAY, CycleInputs, Faults, escapes
 from .mission_snapshot import MissionSnapshot
+from .mission_states import IN_CONTROL, STREAMING, MissionState
 from .mode_requester import ModeRequester
 from .operator_commands import OperatorCommands, Refused, understood, words
 from .plan_requests import Awaited
+from .planning.plan_jobs import PlanAnswer
 from .refuge import Refuge
 from .reports import Reports
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
+from .safety.check_inputs import Host
+from .safety.condition_types import Action
+from .safety.position_checks import widening_m
+from .safety.supervisor import Ruling
 from .safety_monitor import SafetyMonitor
 from .seen_obstacles import SeenObstacles
 from .setpoint_streamer import SetpointStreamer

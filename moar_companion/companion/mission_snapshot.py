@@ -10,11 +10,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..mission.state_changes import state_words
-from ..mission.values import MissionStatus, Task
-from ..mission_states import STREAMING, MissionState
-from ..site import Site
+from ..planner.site import Site
 from ..types import Mission
+from .mission.state_changes import state_words
+from .mission.values import MissionStatus, Task
+from .mission_states import STREAMING, MissionState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 
-from .. import pilot_texts
-from ..autopilots import profile
-from ..config import Authority
-from ..estimation.pose_tracker import grounded
+from ..mavlink.autopilots import profile
 from ..mavlink.session import Session, Severity
-from ..mission.values import MissionStatus
-from ..mission_states import IN_CONTROL, MissionState
-from ..safety.autopilot_failsafe import took_mode
-from ..telemetry import AutopilotStatus, Telemetry
+from ..mavlink.telemetry import AutopilotStatus, Telemetry
+from ..settings.config import Authority
+from ..texts import pilot_texts
+from .estimation.pose_tracker import grounded
+from .mission.values import MissionStatus
+from .mission_states import IN_CONTROL, MissionState
 from .reports import Reports
+from .safety.autopilot_failsafe import took_mode
 
 _ENGAGE_AFTER_S = 1.2
 """PX4 accepts OFFBOARD after a stream of one second."""

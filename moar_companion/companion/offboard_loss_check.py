@@ -9,25 +9,25 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from .. import pilot_texts
-from ..autopilots import profile
-from ..autopilots.failsafe_actions import LINKS, FailsafeAction, Failsafes, Trigger
-from ..autopilots.offboard_loss import OffboardLoss
-from ..autopilots.parameter_names import Parameters
-from ..config import LossCheck, Supervision
-from ..estimation.pose import home_moved
-from ..estimation.pose_tracker import SiteMaps
-from ..guidance.path_follower import PathFollower
-from ..guidance.trajectory import FloatArray
+from ..mavlink.autopilots import profile
+from ..mavlink.autopilots.failsafe_actions import LINKS, FailsafeAction, Failsafes, Trigger
+from ..mavlink.autopilots.offboard_loss import OffboardLoss
+from ..mavlink.autopilots.parameter_names import Parameters
 from ..mavlink.session import Severity
 from ..planner.free_distance import FreeDistance
-from ..planning.plan_jobs import PlanAnswer
-from ..safety.failsafe_paths import Hit, failsafe_hit, loss_objection
-from ..safety.refuges import unprotected
+from ..settings.config import LossCheck, Supervision
+from ..settings.vehicle import Vehicle
+from ..texts import pilot_texts
 from ..types import AutopilotKind, Mission, Vector
-from ..vehicle import Vehicle
+from .estimation.pose import home_moved
+from .estimation.pose_tracker import SiteMaps
+from .guidance.path_follower import PathFollower
+from .guidance.trajectory import FloatArray
 from .plan_requests import Awaited
+from .planning.plan_jobs import PlanAnswer
 from .reports import Reports
+from .safety.failsafe_paths import Hit, failsafe_hit, loss_objection
+from .safety.refuges import unprotected
 
 _PLACES = 16
 """Most places of a plan at which a landing without a position is looked at."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .. import pilot_texts, service_texts
-from ..config import Authority
 from ..mavlink.commands import Command, CommandResult, PauseContinue, stops
 from ..mavlink.received_commands import Accepted
 from ..mavlink.session import Session, Severity
-from ..mission.values import Order, Task, Verdict
-from ..site import Site
+from ..planner.site import Site
+from ..settings.config import Authority
+from ..texts import pilot_texts, service_texts
 from ..types import Mission
+from .mission.values import Order, Task, Verdict
 from .reports import Reports
 
 _READING_S = 1.0

@@ -6,17 +6,17 @@ plans, and the reason why there is no room for a path.
 
 from __future__ import annotations
 
-from .. import pilot_texts
-from ..config import Supervision
-from ..planning.plan_jobs import PlanAnswer
+from ..planner.site import Margin
 from ..risk import RiskEstimate
-from ..safety.obstacle_inflation import ObstacleInflation
-from ..safety.position_checks import widening_m
-from ..site import Margin
-from ..text_format import distance
+from ..settings.config import Supervision
+from ..settings.vehicle import Vehicle
+from ..texts import pilot_texts
+from ..texts.text_format import distance
 from ..types import Mission
-from ..vehicle import Vehicle
 from .plan_requests import Awaited
+from .planning.plan_jobs import PlanAnswer
+from .safety.obstacle_inflation import ObstacleInflation
+from .safety.position_checks import widening_m
 
 
 class PlanInflation:

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import math
 
-from .. import pilot_texts
-from ..adaptation import Adaptation
 from ..mavlink.session import Severity
+from ..planner.adaptation import Adaptation
 from ..planner.comparison import path_difference
 from ..planner.plan_values import Plan
 from ..planner.regions import narrowest
+from ..planner.site import Site
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
-from ..site import Site
-from ..text_format import coordinate, distance, limit_text
+from ..settings.vehicle import Vehicle
+from ..texts import pilot_texts
+from ..texts.text_format import coordinate, distance, limit_text
 from ..types import Mission, RiskIndices
-from ..vehicle import Vehicle
 from .plan_requests import Awaited
 from .reports import Reports
 

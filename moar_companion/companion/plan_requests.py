@@ -8,18 +8,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from .. import pilot_texts
-from ..adaptation import Adaptation
-from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
-from ..estimation.pose_tracker import SiteMaps
-from ..guidance.splice import Splice
-from ..mission.values import Task
+from ..mavlink.autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
+from ..planner.adaptation import Adaptation
 from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
-from ..planning.plan_jobs import PlanAnswer, PlanJob
-from ..site import PlanePoint
-from ..text_format import seconds
+from ..planner.site import PlanePoint
+from ..texts import pilot_texts
+from ..texts.text_format import seconds
 from ..types import RiskIndices
+from .estimation.pose_tracker import SiteMaps
+from .guidance.splice import Splice
+from .mission.values import Task
+from .planning.plan_jobs import PlanAnswer, PlanJob
 
 _ANSWER_TIMEOUT_S = 5.0
 """Plans take milliseconds: a planner without an answer for this long has failed."""

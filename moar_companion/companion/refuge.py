@@ -12,31 +12,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import pilot_texts
-from ..autopilots.failsafe_actions import BATTERY, FailsafeAction, Failsafes, Trigger
-from ..config import Supervision
-from ..contingency.route_cost import straight_s
-from ..guidance.flight_volume import FlightVolume
-from ..guidance.path_follower import PathFollower
+from ..mavlink.autopilots.failsafe_actions import BATTERY, FailsafeAction, Failsafes, Trigger
 from ..mavlink.session import Severity
-from ..mission.values import MissionStatus
-from ..mission_states import MissionState
 from ..planner.escape import refuge_leg
 from ..planner.grid import FloatArray
 from ..planner.maps import Maps
 from ..planner.regions import obstacle_room_m
-from ..power import PowerModel
-from ..safety.condition_types import Action
-from ..safety.failsafe_paths import failsafe_hit
-from ..safety.refuges import BLIND_LEG_M, spare_at_m, spare_in_cells_m
-from ..safety.supervisor import Ruling
-from ..safety.uncertainty_growth import AHEAD_S
-from ..site import PlanePoint
-from ..text_format import distance, reason_chars, seconds, with_name
+from ..planner.site import PlanePoint
+from ..risk.power import PowerModel
+from ..settings.config import Supervision
+from ..settings.vehicle import Vehicle
+from ..texts import pilot_texts
+from ..texts.text_format import distance, reason_chars, seconds, with_name
 from ..types import Vector
-from ..vehicle import Vehicle
+from .contingency.route_cost import straight_s
+from .guidance.flight_volume import FlightVolume
+from .guidance.path_follower import PathFollower
+from .mission.values import MissionStatus
+from .mission_states import MissionState
 from .reports import Reports
 from .risk_monitor import RiskMonitor
+from .safety.condition_types import Action
+from .safety.failsafe_paths import failsafe_hit
+from .safety.refuges import BLIND_LEG_M, spare_at_m, spare_in_cells_m
+from .safety.supervisor import Ruling
+from .safety.uncertainty_growth import AHEAD_S
 
 _LASTS_S = 30.0
 """Time for which the growth of the error is assumed to go on at the refuge: a pilot has taken over

@@ -6,19 +6,19 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .. import pilot_texts, service_texts
-from ..estimation.pose import Pose
 from ..mavlink.commands import CommandResult, result_words
 from ..mavlink.identity import AutopilotConflict
 from ..mavlink.own_ids import ComponentConflict
 from ..mavlink.peers import AutopilotElsewhere, PeerRefused
 from ..mavlink.session import CommandAnswered, Event, Session, Severity
 from ..mavlink.signing import SignedLinks
-from ..mission_states import MissionState
-from ..safety.file_faults import FileFault, FileFaultTexts
-from ..telemetry import Telemetry
-from ..text_format import pilot_text
+from ..mavlink.telemetry import Telemetry
+from ..texts import pilot_texts, service_texts
+from ..texts.text_format import pilot_text
 from ..types import RiskIndices, Weights
+from .estimation.pose import Pose
+from .mission_states import MissionState
+from .safety.file_faults import FileFault, FileFaultTexts
 from .signing_report import SigningReport
 
 

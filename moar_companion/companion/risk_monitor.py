@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from ..autopilots.parameter_names import Parameters
-from ..contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
-from ..contingency.route_cost import EnergyForecast
-from ..estimation.pose_tracker import grounded
-from ..guidance.flight_volume import FlightVolume
-from ..planning.plan_jobs import PlanAnswer, PlanJob
-from ..power import PowerModel
+from ..mavlink.autopilots.parameter_names import Parameters
+from ..mavlink.telemetry import Telemetry
+from ..planner.site import Site
 from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
+from ..risk.power import PowerModel
 from ..risk.wind import MOTOR_OUTPUT
-from ..safety.check_inputs import EscapeRoute
-from ..safety.uncertainty_growth import UncertaintyGrowth
-from ..site import Site
-from ..telemetry import Telemetry
+from ..settings.vehicle import Vehicle
 from ..types import Vector
-from ..vehicle import Vehicle
+from .contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
+from .contingency.route_cost import EnergyForecast
+from .estimation.pose_tracker import grounded
+from .guidance.flight_volume import FlightVolume
+from .planning.plan_jobs import PlanAnswer, PlanJob
+from .safety.check_inputs import EscapeRoute
+from .safety.uncertainty_growth import UncertaintyGrowth
 
 
 class RiskMonitor:

@@ -8,26 +8,26 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from .. import pilot_texts
-from ..adaptation import Adaptation
-from ..config import CompanionConfig
-from ..estimation.pose import Pose
-from ..estimation.pose_tracker import SiteMaps
-from ..guidance.path_follower import PathFollower
-from ..guidance.splice import Adoption
-from ..mission.replanning import replan_reason, stays
-from ..mission.values import Task
+from ..planner.adaptation import Adaptation
 from ..planner.plan_values import Plan
-from ..planning.plan_jobs import PlanAnswer, PlanJob
+from ..planner.site import Margin
 from ..risk import RiskEstimate
-from ..site import Margin
-from ..text_format import reason_chars, short_name
+from ..settings.config import CompanionConfig
+from ..settings.vehicle import Vehicle
+from ..texts import pilot_texts
+from ..texts.text_format import reason_chars, short_name
 from ..types import Mission, RiskIndices, Vector
-from ..vehicle import Vehicle
+from .estimation.pose import Pose
+from .estimation.pose_tracker import SiteMaps
 from .flight_limits import FlightLimits
+from .guidance.path_follower import PathFollower
+from .guidance.splice import Adoption
+from .mission.replanning import replan_reason, stays
+from .mission.values import Task
 from .plan_inflation import PlanInflation
 from .plan_reports import PlanReports
 from .plan_requests import Awaited, PlanRequests
+from .planning.plan_jobs import PlanAnswer, PlanJob
 from .reports import Reports
 
 _NO_PATH_ROUND = "no path round "

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable
 
-from ..config import Supervision
 from ..mavlink.session import Severity
-from ..safety import supervisor
-from ..safety.check_inputs import CheckInputs
-from ..safety.checks import causes
-from ..safety.condition_types import Action, Override
-from ..safety.conditions import conditions
-from ..safety.supervisor import Acting, Ruling
-from ..telemetry import PeerHeartbeat
+from ..mavlink.telemetry import PeerHeartbeat
+from ..settings.config import Supervision
 from .reports import Reports
+from .safety import supervisor
+from .safety.check_inputs import CheckInputs
+from .safety.checks import causes
+from .safety.condition_types import Action, Override
+from .safety.conditions import conditions
+from .safety.supervisor import Acting, Ruling
 
 _LISTENS_AFTER_S = 1.0
 """Delay of texts: a station's first heartbeat answers ours, before it is ready for texts."""

@@ -11,18 +11,18 @@ import math
 from collections import deque
 from dataclasses import replace
 
-from .. import pilot_texts
-from ..estimation.pose import Jump
-from ..estimation.pose_tracker import PoseTracker, SiteMaps
 from ..mavlink.session import Severity
+from ..mavlink.telemetry import Proximity, Telemetry
 from ..perception.perception_report import PerceptionReport, SeenConductor, SensorHealth
 from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote
-from ..perception_config import Perception, Sensor
-from ..planning.map_jobs import MapAnswer, MapJob
-from ..site import Conductor, Obstacle, Site
-from ..telemetry import Proximity, Telemetry
-from ..text_format import coordinate, distance
+from ..planner.site import Conductor, Obstacle, Site
+from ..settings.perception_config import Perception, Sensor
+from ..texts import pilot_texts
+from ..texts.text_format import coordinate, distance
 from ..types import Vector
+from .estimation.pose import Jump
+from .estimation.pose_tracker import PoseTracker, SiteMaps
+from .planning.map_jobs import MapAnswer, MapJob
 from .reports import Reports
 
 _APART_M, _SAME_PLACE_M = 0.25, 0.15

@@ -6,16 +6,16 @@ import math
 from dataclasses import astuple, replace
 from typing import NamedTuple
 
-from ..config import Supervision
-from ..estimation.plane_to_local import PlaneToLocal
-from ..estimation.pose import Jump, Setpoint
-from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Session
-from ..safety.setpoint_gate import motion_refusal
-from ..site import Margin
-from ..text_format import distance
+from ..planner.site import Margin
+from ..settings.config import Supervision
+from ..settings.vehicle import Vehicle
+from ..texts.text_format import distance
 from ..types import Vector
-from ..vehicle import Vehicle
+from .estimation.plane_to_local import PlaneToLocal
+from .estimation.pose import Jump, Setpoint
+from .guidance.path_follower import PathFollower
+from .safety.setpoint_gate import motion_refusal
 
 
 class SetpointRefusal(NamedTuple):

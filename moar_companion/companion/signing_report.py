@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from .. import service_texts
 from ..mavlink.signing import SigningRefusal
-from ..text_format import plural, seconds
+from ..texts import service_texts
+from ..texts.text_format import plural, seconds
 
 _PERIOD_S = 30.0
 """Time between two texts of one reason, which leaves room for other texts."""

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .. import service_texts
-from ..estimation.pose_tracker import airborne, grounded
 from ..mavlink.commands import Command, holds, stops
-from ..power.cells import misread
-from ..telemetry import Telemetry
+from ..mavlink.telemetry import Telemetry
+from ..risk.power.cells import misread
+from ..texts import service_texts
+from .estimation.pose_tracker import airborne, grounded
 from .mission_snapshot import MissionSnapshot
 
 _PATIENCE_S = 3.0

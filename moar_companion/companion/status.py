@@ -37,15 +37,15 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from ..mission.values import MissionStatus
-from ..mission_states import STREAMING
+from ..mavlink.telemetry import LinkStatistics, Telemetry
 from ..perception.perception_report import PerceptionReport
 from ..risk.explain import WeightsReason, risk_dict
-from ..safety.check_inputs import Host
-from ..safety.supervisor import Ruling
-from ..telemetry import LinkStatistics, Telemetry
 from .companion import Companion
+from .mission.values import MissionStatus
+from .mission_states import STREAMING
 from .reports import Decision
+from .safety.check_inputs import Host
+from .safety.supervisor import Ruling
 
 Waypoint = Mapping[str, float]
 """Waypoint of a plan's JSON."""

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 
-from .. import pilot_texts
-from ..estimation.pose import Pose
-from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Severity
-from ..mission.values import MissionStatus
-from ..mission_states import IN_CONTROL, MissionState
-from ..safety.condition_types import Action
-from ..safety.supervisor import Ruling
-from ..text_format import distance
+from ..texts import pilot_texts
+from ..texts.text_format import distance
+from .estimation.pose import Pose
+from .guidance.path_follower import PathFollower
+from .mission.values import MissionStatus
+from .mission_states import IN_CONTROL, MissionState
 from .reports import Reports
+from .safety.condition_types import Action
+from .safety.supervisor import Ruling
 
 _OUTSIDE = frozenset({"autopilot_fence", "outside_workspace", "off_path"})
 """Conditions that a recovery leg ends, and that therefore do not prevent it."""

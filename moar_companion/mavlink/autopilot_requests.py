@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 
-from ..autopilots import profile
-from ..autopilots.parameter_names import Parameters
-from ..autopilots.profile import Profile
-from ..telemetry import FenceItem
 from . import fence_download, translate_outgoing
+from .autopilots import profile
+from .autopilots.parameter_names import Parameters
+from .autopilots.profile import Profile
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
 from .identity import Autopilot
@@ -22,6 +21,7 @@ from .message_rates import MessageRates, on_network, wanted_rates_hz
 from .origin_home_requests import OriginHomeRequests
 from .outbox import Outbox
 from .parameters import ParameterRequests
+from .telemetry import FenceItem
 from .telemetry_receiver import TelemetryReceiver
 from .timesync_rtt import TimesyncRtt
 

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal, TypedDict
 
-from .. import pilot_texts
+from ..texts import pilot_texts
 from ..types import Mission
 from .dialect import Message, create, mavlink
 

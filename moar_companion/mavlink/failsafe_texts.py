@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..autopilots import profile_of
-from ..telemetry import Failsafe, Telemetry
+from .autopilots import profile_of
 from .dialect import Message
+from .telemetry import Failsafe, Telemetry
 
 _FRESH_S = 2.5
 """Maximum age of HEARTBEAT, EKF_STATUS_REPORT (2 Hz) and GPS_RAW_INT: one may be lost."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from ..telemetry import FenceItem
 from .dialect import Message, create, mavlink
+from .telemetry import FenceItem
 
 _ANSWER_TIMEOUT_S = 1.0
 """Both autopilots answer within 20 ms; a slow radio takes some tenths of a second."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from .. import service_texts
+from ..texts import service_texts
 from ..types import AutopilotKind
 from . import translate
 from .dialect import Message, mavlink

@@ -19,8 +19,8 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from ..autopilots import profile
 from ..types import AutopilotKind
+from .autopilots import profile
 from .commands import CommandResult
 from .dialect import CURRENT_MODE_ID, id_of, mavlink
 

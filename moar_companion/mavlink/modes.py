@@ -5,9 +5,9 @@ The numbers and names are in the autopilot's profile (`autopilots`).
 
 from __future__ import annotations
 
-from ..autopilots import profile
-from ..autopilots.profile import Profile
 from ..types import AutopilotKind
+from .autopilots import profile
+from .autopilots.profile import Profile
 from .dialect import mavlink
 
 _QUADROTOR = int(mavlink.MAV_TYPE_QUADROTOR)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ..telemetry import Telemetry
 from .dialect import mavlink
+from .telemetry import Telemetry
 
 _ORIGIN = int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
 _HOME = int(mavlink.MAVLINK_MSG_ID_HOME_POSITION)

@@ -16,10 +16,10 @@ import struct
 from collections.abc import Collection, Iterator
 from operator import itemgetter
 
-from ..autopilots import profile
-from ..autopilots.parameter_names import Name, Parameters, ParameterTable, Release
-from ..autopilots.profile import Profile
 from ..types import AutopilotKind
+from .autopilots import profile
+from .autopilots.parameter_names import Name, Parameters, ParameterTable, Release
+from .autopilots.profile import Profile
 from .dialect import Message, mavlink
 
 _ANSWER_TIMEOUT_S = 0.5

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..link_config import LinkRole
-from ..telemetry import Telemetry
+from ..settings.link_config import LinkRole
 from ..types import AutopilotKind
 from . import telemetry_receiver, translate
 from .codec import Codec
@@ -26,6 +25,7 @@ from .identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .modes import is_multirotor
 from .packet_count import SourceStatistics
 from .statustext import ReceivedText, ReceivedTexts
+from .telemetry import Telemetry
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_radio import RADIO_IDS
 

@@ -14,7 +14,7 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Any
 
-from ..link_config import LinkRole
+from ..settings.link_config import LinkRole
 from .codec import Codec
 
 Address = tuple[Any, ...]

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .. import pilot_texts
-from ..config import GROUND_STATION_IDS, Commands
-from ..mqtt_config import ORDER_LINK
+from ..settings.config import GROUND_STATION_IDS, Commands
+from ..settings.mqtt_config import ORDER_LINK
+from ..texts import pilot_texts
 from .commands import Sender
 
 

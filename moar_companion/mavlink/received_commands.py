@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import takewhile
 from typing import NamedTuple
 
-from ..config import Commands
+from ..settings.config import Commands
 from .commands import (
     Command,
     CommandAnswer,

@@ -13,9 +13,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from functools import partial
 
-from ..config import Commands
-from ..link_config import LinkRole
-from ..telemetry import Telemetry
+from ..settings.config import Commands
+from ..settings.link_config import LinkRole
 from ..types import Vector
 from . import autopilot_requests, ping_timesync, telemetry_receiver, translate_outgoing
 from .autopilot_control import AutopilotControl, CommandAnswered, commands_motion
@@ -38,6 +37,7 @@ from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
 from .received_commands import ReceivedCommands
 from .signing import LinkSigning, SignedLinks
 from .statustext import Severity, StatusTexts
+from .telemetry import Telemetry
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_outgoing import SystemStatus
 

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, MutableMapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from ..link_config import LinkConfig
+from ..settings.link_config import LinkConfig
 
 KEY_BYTES = 32
 SIGNATURE_BYTES = 13

@@ -6,8 +6,8 @@ import enum
 import re
 from typing import NamedTuple
 
-from ..text_format import TEXT_CHARS as CHUNK_BYTES
-from ..text_format import printable
+from ..texts.text_format import TEXT_CHARS as CHUNK_BYTES
+from ..texts.text_format import printable
 from .dialect import Message, create
 
 _MAX_BYTES = 1000

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..link_config import LinkRole
-from ..telemetry import LinkStatistics, Telemetry
+from ..settings.link_config import LinkRole
 from . import translate, translate_obstacles
 from .dialect import CURRENT_MODE_ID, Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted, Identity
 from .packet_count import SourceStatistics
 from .packet_order import PacketOrder
 from .source_clock import Reading, SourceClock
+from .telemetry import LinkStatistics, Telemetry
 from .translate_radio import RADIO_IDS
 
 MESSAGE_IDS = translate.MESSAGE_IDS | {

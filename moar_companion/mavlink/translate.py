@@ -12,8 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..autopilots import kind_of
-from ..telemetry import AutopilotStatus, PeerHeartbeat, Telemetry
 from ..types import AutopilotKind
 from . import (
     failsafe_texts,
@@ -24,8 +22,10 @@ from . import (
     translate_radio,
     translate_status,
 )
+from .autopilots import kind_of
 from .dialect import CURRENT_MODE_ID, Message, mavlink
 from .packet_count import BOOT_TIME_AT
+from .telemetry import AutopilotStatus, PeerHeartbeat, Telemetry
 
 _NO_AIRCRAFT = {
     int(mavlink.MAV_TYPE_ANTENNA_TRACKER),

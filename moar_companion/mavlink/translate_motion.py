@@ -9,7 +9,9 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..telemetry import (
+from ..types import GeodeticPoint, Vector
+from .dialect import Message, mavlink
+from .telemetry import (
     Attitude,
     GlobalPosition,
     Home,
@@ -21,8 +23,6 @@ from ..telemetry import (
     Telemetry,
     Wind,
 )
-from ..types import GeodeticPoint, Vector
-from .dialect import Message, mavlink
 
 _LANDED_STATES = {state.value: state for state in LandedState}
 _LOCAL_FRAMES = {

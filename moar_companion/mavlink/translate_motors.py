@@ -9,11 +9,11 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from ..autopilots import profile_of
-from ..telemetry import MotorOutputs, MotorSpeeds, Telemetry
 from ..types import AutopilotKind
+from .autopilots import profile_of
 from .dialect import ESC_STATUS_ID, Message, mavlink
 from .parameters import parameter_value
+from .telemetry import MotorOutputs, MotorSpeeds, Telemetry
 
 _MOST_MOTORS = 32
 _UNKNOWN_U16 = 65535

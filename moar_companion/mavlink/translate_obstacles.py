@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..telemetry import Attitude, Proximity, Telemetry
 from ..types import Vector
 from .dialect import Message, mavlink
+from .telemetry import Attitude, Proximity, Telemetry
 
 _UNKNOWN_CM = 65535
 _NORTH_FRAMES = {int(mavlink.MAV_FRAME_GLOBAL), int(mavlink.MAV_FRAME_LOCAL_NED)}

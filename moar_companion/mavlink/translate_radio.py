@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..radio import Radio, RadioChannels, RadioLink, kind_of
-from ..telemetry import Telemetry
 from .dialect import Message, id_of, mavlink
+from .radio import Radio, RadioChannels, RadioLink, kind_of
+from .telemetry import Telemetry
 
 _UNKNOWN_U8 = 255
 _TELEMETRY_RADIO = int(mavlink.MAV_COMP_ID_TELEMETRY_RADIO)

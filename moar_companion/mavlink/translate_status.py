@@ -9,8 +9,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from ..autopilots import profile_of
-from ..telemetry import (
+from .autopilots import profile_of
+from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
+from .telemetry import (
     Battery,
     Estimator,
     Firmware,
@@ -21,7 +22,6 @@ from ..telemetry import (
     RemoteControl,
     Telemetry,
 )
-from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .translate_motors import motor_parameter
 
 _UNKNOWN_DOP = 9999

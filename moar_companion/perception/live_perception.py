@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..perception_config import Perception, Sensor, SensorMount
-from ..site import Site
+from ..planner.site import Site
+from ..settings.perception_config import Perception, Sensor, SensorMount
 from ..types import Vector
 from .conductor_tracks import ConductorTracks
 from .ground import ground_height_m

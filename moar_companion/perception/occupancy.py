@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from ..site import Polygon, Site
+from ..planner.site import Polygon, Site
 from .cell_outlines import parts_of
 from .plane_rays import PlaneRays, sector_of
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..site import PlanePoint, Polygon
+from ..planner.site import PlanePoint, Polygon
 from .lidar_scan import PacketFault
 
 

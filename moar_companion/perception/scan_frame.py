@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation, Slerp
 
-from ..perception_config import SensorMount
+from ..settings.perception_config import SensorMount
 
 FloatArray = npt.NDArray[np.float64]
 

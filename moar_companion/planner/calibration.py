@@ -14,8 +14,8 @@ import heapq
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..adaptation import Calibration, on_line
 from ..types import Weights
+from .adaptation import Calibration, on_line
 from .plan_values import Cost
 
 MOST_PLANS = 64

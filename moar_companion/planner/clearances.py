@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..site import Obstacle
 from .distance_kernels import nearest_rings
 from .geometry import rings
 from .grid import FloatArray, Grid, IntArray
+from .site import Obstacle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..text_format import distance
+from ..texts.text_format import distance
 from .graph import Graph
 from .grid import STOP, FloatArray, IntArray
 from .maps import Maps

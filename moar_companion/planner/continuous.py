@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..settings.vehicle import SpeedLimits
 from ..types import Weights
-from ..vehicle import SpeedLimits
 from .arrays import Field
 from .graph import heading_speeds_mps
 from .grid import FloatArray

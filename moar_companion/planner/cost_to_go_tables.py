@@ -14,8 +14,8 @@ import math
 
 import numpy as np
 
-from ..adaptation import Adaptation
 from ..types import RiskIndices, Weights
+from .adaptation import Adaptation
 from .graph import Graph
 from .grid import FloatArray, IntArray
 from .path_cost_kernels import policy_sums

@@ -20,14 +20,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..site import PlanePoint, Site
-from ..vehicle import Vehicle
+from ..settings.vehicle import Vehicle
 from .geometry import rings
 from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
 from .legs import leg_clearances
 from .maps import Maps
 from .plane_fence import PlaneFence
 from .regions import obstacle_clearance_m
+from .site import PlanePoint, Site
 
 Rings = tuple[FloatArray, IntArray, FloatArray, FloatArray]
 """Obstacles as `rings` gives them: vertices, first, radius, keep-out."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..site import PlanePoint, Site
 from .clearances import Clearances
 from .geometry import obstacle_distance_m, rings
 from .grid import TOLERANCE, BoolArray, FloatArray, Grid, IntArray
 from .ray_cast import free_ahead
+from .site import PlanePoint, Site
 
 _AROUND_M = 20.0
 """An obstacle farther outside the workspace than this is out of reach."""

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from ..site import Conductor, Obstacle, PlanePoint, Polygon
 from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
+from .site import Conductor, Obstacle, PlanePoint, Polygon
 
 
 def obstacle_distance_m(obstacle: Obstacle, points_m: FloatArray) -> FloatArray:

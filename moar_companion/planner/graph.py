@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ..vehicle import SpeedLimits, Vehicle
+from ..settings.vehicle import SpeedLimits, Vehicle
 from .arrays import Steps
 from .distance_kernels import steps_of
 from .grid import TOLERANCE, FloatArray, Grid, IntArray, Moves

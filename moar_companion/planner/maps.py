@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..site import Site
-from ..vehicle import SafetyShape, SpeedLimits, Vehicle
+from ..settings.vehicle import SafetyShape, SpeedLimits, Vehicle
 from . import geometry
 from .clearances import Clearances
 from .distance_kernels import horizontal_distances
 from .free_distance import FreeDistance
 from .grid import TOLERANCE, BoolArray, FloatArray, Grid
 from .plane_fence import PlaneFence
+from .site import Site
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..site import Site
 from .maps import Maps
 from .plan_values import PlanStatus
+from .site import Site
 
 _WORDS = {
     PlanStatus.OUT_OF_BOUNDS: "is outside the workspace",

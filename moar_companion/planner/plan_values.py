@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ..adaptation import Adaptation
 from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
+from .adaptation import Adaptation
 from .graph import Graph
 from .grid import STOP, FloatArray, IntArray
 from .maps import Maps

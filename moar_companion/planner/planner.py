@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..adaptation import Adaptation, Calibration
-from ..site import Obstacle, PlanePoint, Site
+from ..settings.vehicle import AdaptationKind, Vehicle
 from ..types import Mission, RiskIndices, Weights
-from ..vehicle import AdaptationKind, Vehicle
+from .adaptation import Adaptation, Calibration
 from .calibration import calibrated
 from .cost_to_go_tables import TableBuilder, shares
 from .graph import build_graph
@@ -26,6 +25,7 @@ from .no_plan import reason_of
 from .plan_values import Compute, Cost, Plan, PlanRequest, PlanStatus
 from .plane_fence import PlaneFence
 from .regions import Cell, GoalRegion, goal_region, landing_leg
+from .site import Obstacle, PlanePoint, Site
 from .solver import CostToGoTable, Goal, Solver, walked
 
 if TYPE_CHECKING:

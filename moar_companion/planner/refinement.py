@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ..site import Site
-from ..vehicle import Vehicle
+from ..settings.vehicle import Vehicle
 from .arrays import LegCost, Limits, Terms
 from .continuous import CLEAR, ContinuousCost
 from .geometry import rings
@@ -31,6 +30,7 @@ from .maps import Maps
 from .plan_values import Cost, Metrics, Plan, Waypoints, flight, milliseconds
 from .polyline import leg_sums, outline_distances, refined
 from .regions import GoalRegion, LandingLeg, landing_leg, obstacle_clearance_m
+from .site import Site
 
 _LEVELS = np.array(
     [(1, 1), (2, 1), (4, 1), (1, 0.5), (4, 0.5), (0.5, 0.5), (0.125, 0.25)], dtype=np.float64

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..site import PlanePoint, Site
+from ..settings.vehicle import Vehicle
 from ..types import Mission
-from ..vehicle import Vehicle
 from . import geometry
 from .graph import elevation_speed_mps
 from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
 from .legs import leg_clearances
 from .maps import Maps, speed_limit_mps
+from .site import PlanePoint, Site
 
 Cell = tuple[int, int]
 

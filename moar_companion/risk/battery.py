@@ -11,7 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..power import (
+from ..mavlink.telemetry import Battery, Telemetry
+from ..settings.risk_model import RiskModel
+from .input_reports import InputReport, source_at, source_of
+from .power import (
     BATTERY_MAX_AGE_S,
     Demands,
     Meter,
@@ -21,9 +24,6 @@ from ..power import (
     metered,
     on_the_ground,
 )
-from ..risk_model import RiskModel
-from ..telemetry import Battery, Telemetry
-from .input_reports import InputReport, source_at, source_of
 
 POSITION_MAX_AGE_S = 0.5
 """Maximum age of LOCAL_POSITION_NED: 5 periods at 10 Hz or more."""

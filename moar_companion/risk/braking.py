@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ..telemetry import LandedState, Telemetry
+from ..mavlink.telemetry import LandedState, Telemetry
 from ..types import Vector
 from .drag import Level
 

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from ..radio import Radio, Signal, link_signal, signal
-from ..risk_model import RadioKind, RiskModel
-from ..telemetry import LandedState, LinkNode, LinkStatistics, Telemetry
+from ..mavlink.radio import Radio, Signal, link_signal, signal
+from ..mavlink.telemetry import LandedState, LinkNode, LinkStatistics, Telemetry
+from ..settings.risk_model import RadioKind, RiskModel
 from .input_reports import YES_OR_NO, InputReport, certain, source_of
 
 _RADIO_MAX_AGE_S = 3.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from ..risk_model import RiskModel
+from ..settings.risk_model import RiskModel
 
 Level = tuple[float, float]
 

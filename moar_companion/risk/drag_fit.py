@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ..risk_model import RiskModel
-from ..telemetry import Telemetry
+from ..mavlink.telemetry import Telemetry
+from ..settings.risk_model import RiskModel
 from .braking import WINDOW_S, AirSample, Braking, braking, extended
 from .drag import Level
 

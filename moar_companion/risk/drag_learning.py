@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..risk_model import RiskModel
+from ..settings.risk_model import RiskModel
 from .braking import WINDOW_S, Braking
 from .drag import Level, air_velocity_mps
 

@@ -15,9 +15,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from ..adaptation import Adaptation
+from ..planner.adaptation import Adaptation
+from ..settings.vehicle import AdaptationKind
 from ..types import RiskIndices, Weights
-from ..vehicle import AdaptationKind
 from .indices import IndexReport, RiskEstimate
 from .input_reports import InputReport, read
 

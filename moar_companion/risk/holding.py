@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 
-from ..autopilots import profile
-from ..autopilots.parameter_names import Parameters
-from ..risk_model import RiskModel
-from ..telemetry import Telemetry
+from ..mavlink.autopilots import profile
+from ..mavlink.autopilots.parameter_names import Parameters
+from ..mavlink.telemetry import Telemetry
+from ..settings.risk_model import RiskModel
 from ..types import AutopilotKind
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, shows_wind
 from .drag import air_velocity_mps

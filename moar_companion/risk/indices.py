@@ -16,11 +16,10 @@ from functools import cached_property
 from operator import attrgetter
 from typing import NamedTuple
 
-from ..power import Demands, Meter, PowerModel
-from ..risk_model import RiskModel
-from ..telemetry import Telemetry
+from ..mavlink.telemetry import Telemetry
+from ..settings.risk_model import RiskModel
+from ..settings.vehicle import Power
 from ..types import RiskIndices
-from ..vehicle import Power
 from . import battery, communication, localization, wind
 from .communication import CommunicationMemory
 from .input_reports import InputReport
@@ -31,6 +30,7 @@ from .localization import (
     ODOMETRY_HEIGHT_ACCURACY,
     LocalizationMemory,
 )
+from .power import Demands, Meter, PowerModel
 from .receivers import RECEIVER_ACCURACY
 from .wind import WindMemory
 

@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ..risk_model import RiskModel
-from ..telemetry import LandedState, MagneticField, Odometry, Telemetry
+from ..mavlink.telemetry import LandedState, MagneticField, Odometry, Telemetry
+from ..settings.risk_model import RiskModel
 from .input_reports import YES_OR_NO, InputReport, certain, source_of
 from .receivers import Memories, ReceiverMemory, positive, receiver_inputs
 

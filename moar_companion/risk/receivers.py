@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..risk_model import RiskModel
-from ..telemetry import Gnss, Telemetry
+from ..mavlink.telemetry import Gnss, Telemetry
+from ..settings.risk_model import RiskModel
 from .input_reports import InputReport, certain, source_at, source_of
 
 _MAX_AGE_S = 3.0

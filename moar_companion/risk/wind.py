@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from ..risk_model import Range, RiskModel
-from ..telemetry import Telemetry, Wind
+from ..mavlink.telemetry import Telemetry, Wind
+from ..settings.risk_model import Range, RiskModel
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, extended, shows_wind
 from .drag import Level, air_velocity_mps, deceleration_mps2
 from .drag_learning import DragLearning, apart_from_own_motion

@@ -22,26 +22,26 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import service_texts
 from ..companion.companion import Companion
+from ..companion.error_margin import flown_site, sighted
+from ..companion.estimation.pose_tracker import SiteMaps
 from ..companion.intake import Arrival
+from ..companion.planning.map_jobs import MapAnswer
+from ..companion.safety.check_inputs import Host
+from ..companion.safety.file_faults import FileFault, words
 from ..companion.status import LatestDecisions
-from ..config import CompanionConfig
-from ..error_margin import flown_site, sighted
-from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.link import Link, open_link
 from ..mavlink.link_basics import clock_s
 from ..mavlink.peers import Address
 from ..mavlink.urls import parse_url
-from ..mqtt_config import ORDER_LINK
-from ..outlets.log import AutopilotLog, log_to_stderr
 from ..planner.planner import Planner
-from ..planning.map_jobs import MapAnswer
-from ..safety.check_inputs import Host
-from ..safety.file_faults import FileFault, words
-from ..site import Site
-from ..vehicle import Vehicle
+from ..planner.site import Site
+from ..settings.config import CompanionConfig
+from ..settings.mqtt_config import ORDER_LINK
+from ..settings.vehicle import Vehicle
+from ..texts import service_texts
 from .host_monitor import HostMonitor
+from .log import AutopilotLog, log_to_stderr
 from .optional_parts import (
     companion_class,
     open_mqtt,

@@ -9,11 +9,11 @@ from typing import Any
 
 from ..companion.companion import Companion
 from ..companion.reports import Decision
-from ..config import RecorderSettings
-from ..outlets.recorder import Recorder, RecordingLimits
-from ..recording.calls import Call, RecordedCompanion
-from ..recording.channels import Cycle, CycleSampler
-from ..recording.flight_log import FlightLog
+from ..settings.config import RecorderSettings
+from .recorder import Recorder, RecordingLimits
+from .recording.calls import Call, RecordedCompanion
+from .recording.channels import Cycle, CycleSampler
+from .recording.flight_log import FlightLog
 
 _logger = logging.getLogger(__name__)
 

@@ -7,8 +7,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config import CompanionConfig
 from ..errors import InputError
+from ..settings.config import CompanionConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ import shutil
 import threading
 from pathlib import Path
 
-from ..safety.check_inputs import Host
+from ..companion.safety.check_inputs import Host
 
 _MEMORY = Path("/proc/meminfo")
 _PERIOD_S = 1.0

@@ -20,8 +20,8 @@ from typing import Any, Protocol
 import aiomqtt
 
 from ..mavlink.link_basics import clock_s
-from ..mqtt.reconnecting import Backoff, ConnectionLog
-from ..mqtt.topics import Message
+from .mqtt.reconnecting import Backoff, ConnectionLog
+from .mqtt.topics import Message
 from .mqtt_settings import Broker
 
 _PERIOD_S = 0.1

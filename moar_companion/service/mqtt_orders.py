@@ -16,9 +16,9 @@ from ..mavlink.link_basics import clock_s
 from ..mavlink.order_link import OrderLink
 from ..mavlink.peers import Address
 from ..mavlink.rate_limits import RateLimit
-from ..mqtt.orders import OrderChecks
-from ..mqtt.payloads import OrderPayload, Reply
-from ..mqtt.topics import ORDER, REPLY, Message, topic_name
+from .mqtt.orders import OrderChecks
+from .mqtt.payloads import OrderPayload, Reply
+from .mqtt.topics import ORDER, REPLY, Message, topic_name
 
 _MOST_WAITING = 8
 """Maximum number of orders for the next cycle: more than an operator gives in 20 ms."""

@@ -13,11 +13,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..config import CompanionConfig
 from ..mavlink.link_basics import clock_s
-from ..mqtt.orders import OrderChecks
-from ..mqtt.payloads import Online
-from ..mqtt.topics import Message, Publication, Status, online_message
+from ..settings.config import CompanionConfig
+from .mqtt.orders import OrderChecks
+from .mqtt.payloads import Online
+from .mqtt.topics import Message, Publication, Status, online_message
 from .mqtt_client import MqttClient
 from .mqtt_orders import MqttOrders
 from .mqtt_settings import SettingNames, read_broker, read_order_key

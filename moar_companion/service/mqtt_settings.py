@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import InputError
-from ..mqtt_config import URL_FORMS, BrokerAddress, Mqtt, broker_address
+from ..settings.mqtt_config import URL_FORMS, BrokerAddress, Mqtt, broker_address
 from .secret_file import LONGEST_BYTES, SecretPlace, UnusableSecretError, secret_place
 from .signing_key import read_key
 

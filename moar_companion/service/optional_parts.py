@@ -14,9 +14,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..companion.companion import Companion
-from ..config import CompanionConfig
 from ..errors import InputError
-from ..site import Site
+from ..planner.site import Site
+from ..settings.config import CompanionConfig
 from .directories import recorder_folder, state_folder, view_socket
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def companion_class(config: CompanionConfig) -> type[Companion]:
     """Class of the machine: if flights are recorded (`open_recorder`), one that logs its calls."""
     if recorder_folder(config) is None:
         return Companion
-    from ..recording.calls import RecordedCompanion
+    from .recording.calls import RecordedCompanion
 
     return RecordedCompanion
 

@@ -19,14 +19,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError, LinkError
-from ..input_file import open_file, unreadable
 from ..mavlink.link_basics import reason
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
-from ..perception_config import Perception, Sensor
-from ..recording.value_codec import decoded, encoded
-from ..site import Polygon, Site
+from ..planner.site import Polygon, Site
+from ..settings.input_file import open_file, unreadable
+from ..settings.perception_config import Perception, Sensor
 from .priority import put_behind
+from .recording.value_codec import decoded, encoded
 
 _DESCRIPTION = "perception.metadata must be the sensor's own description, a JSON file"
 _DECODERS = {Sensor.VELODYNE: ("velodyne_decoder", "lidar"), Sensor.OUSTER: ("ouster", "ouster")}

@@ -22,8 +22,8 @@ from ..mavlink.urls import parse_url
 from ..perception.live_perception import LivePerception
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote
-from ..recording.value_codec import decoded, encoded
 from .perception_process import MESSAGE_BYTES, Setup
+from .recording.value_codec import decoded, encoded
 
 _STEP_S = 0.01
 _KINDS = {kind.__name__: kind for kind in (PositionNote, AttitudeNote, PointsNote)}

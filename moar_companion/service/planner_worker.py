@@ -15,12 +15,18 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from functools import partial
 
-from .. import pilot_texts
-from ..autopilots.failsafe_actions import Failsafes
+from ..companion.planning.map_jobs import MapAnswer, MapJob, answer_map_job
+from ..companion.planning.plan_jobs import (
+    PlanAnswer,
+    PlanJob,
+    answer_job,
+    preparations,
+    prepare_for,
+)
+from ..companion.planning.planner_set import PlannerSet
+from ..mavlink.autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
-from ..planning.map_jobs import MapAnswer, MapJob, answer_map_job
-from ..planning.plan_jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
-from ..planning.planner_set import PlannerSet
+from ..texts import pilot_texts
 from .compiling import make_ready
 from .pools import started_pool
 from .resident_memory import release_compiler

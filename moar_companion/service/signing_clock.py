@@ -16,10 +16,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from ..config import CompanionConfig
-from ..input_file import open_file
 from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing, timestamp_at
-from ..outlets.background_writer import BackgroundWriter, Batches
+from ..settings.config import CompanionConfig
+from ..settings.input_file import open_file
+from .background_writer import BackgroundWriter, Batches
 from .directories import state_folder
 from .signing_key import read_signing_key
 from .snapshot_file import write_whole

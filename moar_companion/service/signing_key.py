@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ..config import CompanionConfig
 from ..mavlink.signing import KEY_BYTES, SigningKey
+from ..settings.config import CompanionConfig
 from .secret_file import LONGEST_BYTES, SecretPlace, UnusableSecretError, secret_place
 
 _DIGITS = re.compile(rb"\s*([0-9A-Fa-f]{%d})\s*" % (2 * KEY_BYTES))

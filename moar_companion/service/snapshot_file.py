@@ -19,11 +19,11 @@ from typing import Literal
 
 from pydantic import TypeAdapter
 
-from .. import service_texts
 from ..companion.mission_snapshot import MissionSnapshot
-from ..input_file import open_file
-from ..outlets.background_writer import BackgroundWriter, Batches
-from ..safety.file_faults import FileFault, words
+from ..companion.safety.file_faults import FileFault, words
+from ..settings.input_file import open_file
+from ..texts import service_texts
+from .background_writer import BackgroundWriter, Batches
 
 _NAME = "mission.json"
 _LONGEST_BYTES = 65536

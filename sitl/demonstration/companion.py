@@ -8,9 +8,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from moar_companion.config import CompanionConfig
 from moar_companion.errors import InputError, LinkError
 from moar_companion.service.app import run_service
+from moar_companion.settings.config import CompanionConfig
 
 
 def main() -> int:

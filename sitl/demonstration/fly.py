@@ -19,13 +19,13 @@ from pathlib import Path
 
 import yaml
 
-from moar_companion.config import shipped_configs
+from moar_companion.analysis.pictures.flight_picture import FlightStory, draw_flight
+from moar_companion.analysis.pictures.perceived_picture import SeenStory, draw_perceived
 from moar_companion.errors import InputError
-from moar_companion.outlets.flight_picture import FlightStory, draw_flight
-from moar_companion.outlets.perceived_picture import SeenStory, draw_perceived
 from moar_companion.planner.maps import build_maps
-from moar_companion.site import Site
-from moar_companion.vehicle import Vehicle
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from sitl.geodesy import Geodetic
 from sitl.scenario import Scenario
 from sitl.terminal import printable

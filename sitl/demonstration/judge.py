@@ -14,8 +14,8 @@ from pathlib import Path
 from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from moar_companion.frames import radii_of_curvature_m
-from moar_companion.site import Conductor, Obstacle, PlanePoint, Site
+from moar_companion.planner.site import Conductor, Obstacle, PlanePoint, Site
+from moar_companion.planner.site_frame import radii_of_curvature_m
 
 _LEG_TOLERANCE_M = 2.0
 """Maximum distance from the landing leg, in wind, outside the workspace."""

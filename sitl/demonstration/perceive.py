@@ -19,17 +19,17 @@ import yaml
 from shapely.geometry import LineString
 from shapely.geometry import Polygon as Shape
 
-from moar_companion.config import Supervision
-from moar_companion.error_margin import flown_site, margin_of
+from moar_companion.companion.error_margin import flown_site, margin_of
+from moar_companion.companion.planning.map_jobs import MapJob, answer_map_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.errors import InputError
-from moar_companion.perception_config import Perception
 from moar_companion.planner.plan_values import Plan, PlanStatus
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.map_jobs import MapJob, answer_map_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.site import Conductor, Obstacle, PlanePoint, Polygon, Site, Workspace
+from moar_companion.planner.site import Conductor, Obstacle, PlanePoint, Polygon, Site, Workspace
+from moar_companion.settings.config import Supervision
+from moar_companion.settings.perception_config import Perception
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import Mission
-from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic
 from sitl.lidar import Box, LidarScene, Prism, Tree, Wire
 from sitl.lidar_scene import PlacedScene

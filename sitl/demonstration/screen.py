@@ -12,10 +12,10 @@ from typing import Any
 from rich.console import Console
 from rich.live import Live
 
+from moar_companion.commands.live_view import LiveView
 from moar_companion.commands.view import Statuses
 from moar_companion.errors import LinkError
-from moar_companion.outlets.live_view import LiveView
-from moar_companion.text_format import printable
+from moar_companion.texts.text_format import printable
 
 _RETRY_S = 0.5
 _NOTES = 3

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 
-from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
-from moar_companion.site import PlanePoint, Site
+from moar_companion.planner.site import PlanePoint, Site
+from moar_companion.settings.config import shipped_configs
 from moar_companion.types import Mission
 
 from .manners import MANNERS

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.ardupilot import ArduPilotReturn
-from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
-from moar_companion.autopilots.parameter_names import Parameters
+from moar_companion.companion.safety.failsafe_paths import exposed_places, failsafe_hit
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.ardupilot import ArduPilotReturn
+from moar_companion.mavlink.autopilots.failsafe_actions import AutopilotAction, Trigger
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
 from moar_companion.planner.free_distance import FreeDistance
-from moar_companion.safety.failsafe_paths import exposed_places, failsafe_hit
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 from ..planner.problems import conductor, make_site

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.fence import Fence, Limit, areas_of
-from moar_companion.autopilots.parameter_names import Parameters
-from moar_companion.telemetry import FenceItem
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.fence import Fence, Limit, areas_of
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
+from moar_companion.mavlink.telemetry import FenceItem
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 OFF = {

@@ -10,22 +10,22 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 import moar_companion
-from moar_companion import vehicle as vehicle_file
-from moar_companion.autopilots import PROFILES, kind_of, profile
-from moar_companion.autopilots.failsafe_actions import AutopilotAction
-from moar_companion.autopilots.fence import Fence
-from moar_companion.autopilots.offboard_loss import OffboardLoss
-from moar_companion.autopilots.parameter_names import Parameter, Parameters, ParameterTable
-from moar_companion.autopilots.parameter_rules import Rule, switch
-from moar_companion.config import Authority, LossCheck, shipped_configs
+from moar_companion.companion.preflight.aircraft_check import parameter_findings
+from moar_companion.companion.preflight.findings import Level
 from moar_companion.errors import InputError
 from moar_companion.mavlink import modes, translate
+from moar_companion.mavlink.autopilots import PROFILES, kind_of, profile
+from moar_companion.mavlink.autopilots.failsafe_actions import AutopilotAction
+from moar_companion.mavlink.autopilots.fence import Fence
+from moar_companion.mavlink.autopilots.offboard_loss import OffboardLoss
+from moar_companion.mavlink.autopilots.parameter_names import Parameter, Parameters, ParameterTable
+from moar_companion.mavlink.autopilots.parameter_rules import Rule, switch
 from moar_companion.mavlink.message_rates import wanted_rates_hz
-from moar_companion.preflight.aircraft_check import parameter_findings
-from moar_companion.preflight.findings import Level
-from moar_companion.telemetry import Telemetry
+from moar_companion.mavlink.telemetry import Telemetry
+from moar_companion.settings import vehicle as vehicle_file
+from moar_companion.settings.config import Authority, LossCheck, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import AUTOPILOTS, UNKNOWN, AutopilotKind
-from moar_companion.vehicle import Vehicle
 
 from ..companion.desk import INSPECTION, Desk
 
@@ -195,15 +195,16 @@ def test_an_unknown_autopilot_has_no_mode_for_setpoints(custom_mode):
     assert modes.land_parameters(status.kind, armed=True) is None
 
 
-def test_only_log_readers_import_an_autopilot_outside_its_package():
+def test_only_log_readers_name_an_autopilot_outside_its_package():
     package = Path(moar_companion.__file__).parent
     named = re.compile(
-        r"^from \.+autopilots(\.(px4|ardupilot)| import .*\b(px4|ardupilot)\b)",
-        re.MULTILINE | re.IGNORECASE,
+        r"^from \.+(\w+\.)*autopilots\.(px4|ardupilot) |"
+        r"^from \.+types import .*\b(PX4|ARDUPILOT)\b",
+        re.MULTILINE,
     )
     naming = {
         str(path.relative_to(package))
         for path in package.rglob("*.py")
         if path.parent.name != "autopilots" and named.search(path.read_text())
     }
-    assert naming == {"replay/ulog_topics.py", "replay/dataflash_listener.py"}
+    assert naming == {"analysis/replay/ulog_topics.py", "analysis/replay/dataflash_listener.py"}

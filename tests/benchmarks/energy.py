@@ -19,11 +19,11 @@ from unittest.mock import patch
 
 import numpy as np
 
-from moar_companion.config import shipped_configs
-from moar_companion.safety import energy_checks
-from moar_companion.site import Site
+from moar_companion.companion.safety import energy_checks
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Power, Vehicle
 from moar_companion.types import Mission, Weights
-from moar_companion.vehicle import Power, Vehicle
 from sitl.manners import KINDS
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EVACUATION, EXIT, INSPECTION, Manner

@@ -28,9 +28,9 @@ import paho.mqtt.client as paho
 import psutil
 from paho.mqtt.enums import CallbackAPIVersion
 
-from moar_companion.config import CompanionConfig
-from moar_companion.mqtt_config import Mqtt
 from moar_companion.service.mqtt_publisher import MqttPublisher, open_publisher
+from moar_companion.settings.config import CompanionConfig
+from moar_companion.settings.mqtt_config import Mqtt
 from sitl.demonstration.broker import broker_name, free_tcp_port, running_broker
 from tests.mqtt.statuses import flying, status_of
 

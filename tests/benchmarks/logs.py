@@ -10,12 +10,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from moar_companion.analysis.pictures.replay_picture import draw_replay
+from moar_companion.analysis.replay.replay_report import Replay
 from moar_companion.commands.replay import played
-from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
-from moar_companion.outlets.replay_picture import draw_replay
-from moar_companion.outlets.replay_report import Replay
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED
 
 FOLDERS = ("traces/ardupilot", "traces/px4", "data/mavlink_tlog", "data/px4_ulog")

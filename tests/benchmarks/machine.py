@@ -16,19 +16,19 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from moar_companion.adaptation import Adaptation
 from moar_companion.companion.companion import Companion
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.link_config import LinkRole
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mavlink.session import Session
+from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.planner import Planner
-from moar_companion.power import PowerModel
+from moar_companion.planner.site import Site
 from moar_companion.risk import update
 from moar_companion.risk.explain import WeightsReason, risk_dict
-from moar_companion.site import Site
+from moar_companion.risk.power import PowerModel
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.link_config import LinkRole
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import Mission
-from moar_companion.vehicle import Vehicle
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import INSPECTION
 from tests.mavlink.conftest import SHARED, packets

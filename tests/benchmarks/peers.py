@@ -31,8 +31,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from moar_companion import Mission, Plan, Planner, Site, Vehicle
-from moar_companion.config import shipped_configs
 from moar_companion.planner.continuous import ContinuousCost
+from moar_companion.settings.config import shipped_configs
 
 from . import peers_graph, peers_ompl
 from .peers_graph import GraphProblem, StateGraph

@@ -24,7 +24,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from moar_companion import Mission, Planner, PlanStatus, Site, Vehicle, Weights
-from moar_companion.config import shipped_configs
+from moar_companion.settings.config import shipped_configs
 
 CALLS, REPEATS, BUILDS = 2000, 3, 50
 SITE, VEHICLE = "315kv_double_circuit.yaml", "linedrone.yaml"

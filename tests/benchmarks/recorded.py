@@ -18,13 +18,13 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.status import LatestDecisions
-from moar_companion.config import RecorderSettings
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.outlets.recorder import NO_LIMITS, Recorder
-from moar_companion.recording.calls import Call
-from moar_companion.recording.channels import CycleSampler
-from moar_companion.recording.flight_log import FlightLog
+from moar_companion.service.recorder import NO_LIMITS, Recorder
+from moar_companion.service.recording.calls import Call
+from moar_companion.service.recording.channels import CycleSampler
+from moar_companion.service.recording.flight_log import FlightLog
+from moar_companion.settings.config import RecorderSettings
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import INSPECTION
 

@@ -14,8 +14,8 @@ import sys
 from dataclasses import replace
 from unittest import mock
 
-from moar_companion.config import Replanning
 from moar_companion.risk import RiskEstimate, update
+from moar_companion.settings.config import Replanning
 from moar_companion.types import RiskIndices
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EXIT, INSPECTION

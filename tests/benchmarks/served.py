@@ -9,8 +9,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from moar_companion.config import CompanionConfig
 from moar_companion.service.app import run_service
+from moar_companion.settings.config import CompanionConfig
 
 try:
     from moar_companion.companion.companion import Companion

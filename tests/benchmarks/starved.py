@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import Operator, OperatorError
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from moar_companion.mavlink.passive_listener import PassiveListener
+from moar_companion.mavlink.telemetry import Telemetry
 from moar_companion.risk.localization import LocalizationMemory, remember
-from moar_companion.telemetry import Telemetry
 from tests.mavlink.conftest import SHARED
 from tests.risk.test_trouble_in_recordings import STEP_S, TROUBLES, judged, records
 

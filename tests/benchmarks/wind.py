@@ -19,7 +19,7 @@ from moar_companion.risk import RiskEstimate, update
 from moar_companion.risk.drag import air_velocity_mps, deceleration_mps2
 from moar_companion.risk.drag_fit import DragFlight
 from moar_companion.risk.wind import FROM_TILT
-from moar_companion.risk_model import RiskModel
+from moar_companion.settings.risk_model import RiskModel
 from tests.flights.airs import AirFlight, airframe_of
 from tests.flights.operator import Manner
 from tests.mavlink.conftest import SHARED

@@ -7,11 +7,11 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from moar_companion.config import shipped_configs
+from moar_companion.analysis.replay.player import Player
+from moar_companion.analysis.replay.replay_report import Replay
 from moar_companion.mavlink.passive_listener import PassiveListener
-from moar_companion.outlets.replay_report import Replay
-from moar_companion.replay.player import Player
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone.yaml")
 PX4, ARDUPILOT = m.MAV_AUTOPILOT_PX4, m.MAV_AUTOPILOT_ARDUPILOTMEGA

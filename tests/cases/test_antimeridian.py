@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from moar_companion.autopilots import profile
-from moar_companion.cli import main
+from moar_companion.commands.cli import main
 from moar_companion.commands.point_clouds import Cloud, around
-from moar_companion.config import shipped_configs
-from moar_companion.frames import SiteFrame
-from moar_companion.site import Site
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.planner.site import Site
+from moar_companion.planner.site_frame import SiteFrame
+from moar_companion.settings.config import shipped_configs
 from moar_companion.types import AutopilotKind, GeodeticPoint
 from tests.flights.judging import assert_nothing_was_touched, in_plane
 from tests.flights.lockstep import Lockstep

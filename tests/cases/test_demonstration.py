@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from sitl.demonstration.judge import FlightTruth, judge
 
 RADIUS_M = 0.6

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.autopilots import PROFILES, profile
+from moar_companion.companion.preflight.findings import Level
+from moar_companion.mavlink.autopilots import PROFILES, profile
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.parameters import ParameterRequests
-from moar_companion.preflight.findings import Level
 from moar_companion.types import ARDUPILOT, Mission
 
 from ..companion.desk import EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from moar_companion.cli import main
+from moar_companion.commands.cli import main
 
 CASES = {
     "site": ["plan", "{pipe}.yaml", "--mission", "exit"],

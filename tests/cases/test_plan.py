@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from moar_companion import cli
-from moar_companion.config import shipped_configs
+from moar_companion.commands import cli
+from moar_companion.settings.config import shipped_configs
 
 SITE = str(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 

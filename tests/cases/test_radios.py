@@ -8,7 +8,7 @@ from functools import cache
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from moar_companion.risk_model import RadioKind
+from moar_companion.settings.risk_model import RadioKind
 
 from .flown import ARDUPILOT, VEHICLE, hover
 

@@ -8,10 +8,10 @@ import struct
 import pytest
 from mcap.writer import Writer
 
-from moar_companion import cli
+from moar_companion.analysis.replay.dataflash_listener import MESSAGES, DataflashListener
+from moar_companion.commands import cli
 from moar_companion.mavlink.dataflash import rows
-from moar_companion.recording.schemas import CALLS
-from moar_companion.replay.dataflash_listener import MESSAGES, DataflashListener
+from moar_companion.service.recording.schemas import CALLS
 from tests.cases.dataflash import DataflashLog
 from tests.mavlink.peer import Peer
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.cli import main
+from moar_companion.commands.cli import main
 
 HEADER = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m"
 ROWS = [

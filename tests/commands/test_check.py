@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 import serial
 
-from moar_companion import cli
+from moar_companion.commands import cli
 from moar_companion.commands.check import _summary as last_line
 from moar_companion.commands.service import configured, merged
-from moar_companion.config import shipped_configs
-from moar_companion.preflight.findings import Finding, Level
+from moar_companion.companion.preflight.findings import Finding, Level
+from moar_companion.settings.config import shipped_configs
 from tests.processes import simulator
 
 CONFIGS = shipped_configs()
@@ -99,7 +99,7 @@ def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_u
 def test_a_configuration_whose_links_receive_no_packet_is_a_no_go(
     capsys, tmp_path, unused_udp_port, monkeypatch
 ):
-    monkeypatch.setattr("moar_companion.preflight.aircraft_check.WAIT_S", 0.1)
+    monkeypatch.setattr("moar_companion.companion.preflight.aircraft_check.WAIT_S", 0.1)
     config = tmp_path / "companion.yaml"
     config.write_text(f"vehicle: {X500}\nlinks: [{{url: 'udp:127.0.0.1:{unused_udp_port}'}}]\n")
     assert cli.main(["check", "--config", str(config)]) == 1

@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion import cli
+from moar_companion.commands import cli
 from moar_companion.commands.ground_station import mavsdk_url
-from moar_companion.config import shipped_configs
 from moar_companion.mavlink.urls import parse_url
+from moar_companion.settings.config import shipped_configs
 from tests.processes import companion
 
 SITE = str(shipped_configs() / "sites" / "315kv_double_circuit.yaml")

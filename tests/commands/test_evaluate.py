@@ -9,11 +9,10 @@ from functools import partial
 
 import pytest
 
-from moar_companion import cli
-from moar_companion.commands import evaluate
+from moar_companion.analysis.evaluation import experiments, sensitivity
+from moar_companion.analysis.evaluation.scenes import SWEPT
+from moar_companion.commands import cli, evaluate
 from moar_companion.commands.task_pool import run_tasks, task_pool
-from moar_companion.evaluation import experiments, sensitivity
-from moar_companion.evaluation.scenes import SWEPT
 
 
 @pytest.fixture
@@ -53,7 +52,7 @@ def test_without_the_extra_one_line_names_it_before_anything_is_written(tmp_path
     missing = """\
 import sys
 sys.modules["pyarrow"] = None
-from moar_companion.cli import main
+from moar_companion.commands.cli import main
 sys.exit(main())
 """
     done = subprocess.run(

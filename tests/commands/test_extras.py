@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from moar_companion.config import shipped_configs
+from moar_companion.settings.config import shipped_configs
 
 ROOT = Path(__file__).parents[2]
 SITE = str(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
@@ -19,7 +19,7 @@ import sys
 extras = ["matplotlib", "pyulog", "laspy", "plyfile", "pypcd4", "pyproj"]
 extras += ["dpkt", "velodyne_decoder", "ouster"]
 sys.modules |= dict.fromkeys(extras)
-from moar_companion.cli import main
+from moar_companion.commands.cli import main
 sys.exit(main())
 """
 

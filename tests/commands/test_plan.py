@@ -12,8 +12,8 @@ import yaml
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
-from moar_companion import cli
-from moar_companion.config import shipped_configs
+from moar_companion.commands import cli
+from moar_companion.settings.config import shipped_configs
 from tests.one_line import one_line
 from tests.vehicles import vehicle_file
 

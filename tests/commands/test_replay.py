@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from matplotlib import image
 
-from moar_companion import cli
-from moar_companion.config import shipped_configs
+from moar_companion.commands import cli
 from moar_companion.mavlink.tlog import Tlog
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from sitl.wire import packets
 from tests.flights.airs import AirFlight, airframe_of
 from tests.flights.operator import Manner

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from moar_companion import cli
-from moar_companion.config import shipped_configs
-from moar_companion.frames import SiteFrame
-from moar_companion.site import Site
+from moar_companion.commands import cli
+from moar_companion.planner.site import Site
+from moar_companion.planner.site_frame import SiteFrame
+from moar_companion.settings.config import shipped_configs
 from moar_companion.types import GeodeticPoint
 from tests.one_line import one_line
 from tests.perception.scenes import DOUBLE_CIRCUIT, Scene

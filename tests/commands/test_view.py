@@ -12,8 +12,8 @@ import time
 
 import pytest
 
-from moar_companion import cli
-from moar_companion.config import shipped_configs
+from moar_companion.commands import cli
+from moar_companion.settings.config import shipped_configs
 from tests.processes import companion
 
 PATIENCE_S = 60.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from moar_companion.link_config import LinkConfig, LinkRole
+from moar_companion.settings.link_config import LinkConfig, LinkRole
 
 from .desk import LINK, Desk
 

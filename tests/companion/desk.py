@@ -15,17 +15,17 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.autopilots import kind_of, profile
 from moar_companion.companion.companion import Companion
-from moar_companion.config import Authority, CompanionConfig, Supervision, shipped_configs
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.link_config import LinkConfig
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.planning.map_jobs import MapAnswer, answer_map_job
+from moar_companion.companion.planning.plan_jobs import PlanAnswer, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.mavlink.autopilots import kind_of, profile
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.map_jobs import MapAnswer, answer_map_job
-from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import Authority, CompanionConfig, Supervision, shipped_configs
+from moar_companion.settings.link_config import LinkConfig
 from sitl.wire import packets
 from tests.vehicles import named_vehicle
 

@@ -12,8 +12,8 @@ from collections import deque
 from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
-from moar_companion.config import Authority, Supervision
-from moar_companion.error_margin import margin_of
+from moar_companion.companion.error_margin import margin_of
+from moar_companion.settings.config import Authority, Supervision
 
 from ..flights.judging import cells_within, clearances_m, is_free, local_place
 from ..flights.operator import Manner

@@ -9,7 +9,7 @@ import math
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.autopilots import kind_of, profile
+from moar_companion.mavlink.autopilots import kind_of, profile
 
 from ..mavlink.peer import Peer
 

@@ -22,10 +22,10 @@ from hypothesis.stateful import (
 )
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Authority
+from moar_companion.companion.safety.condition_types import Action
 from moar_companion.planner.planner import Planner
-from moar_companion.safety.condition_types import Action
-from moar_companion.site import Conductor
+from moar_companion.planner.site import Conductor
+from moar_companion.settings.config import Authority
 from tests.thorough import sampled
 
 from ..mavlink.peer import Peer

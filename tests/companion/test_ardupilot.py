@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Authority
+from moar_companion.settings.config import Authority
 
 from .desk import ACCEPTED, EXIT, HOLD, INSPECTION, RELEASE, TEMPORARILY_REJECTED, Desk
 from .scripted_autopilot import CRITICAL, GUIDED, LOITER, RTL

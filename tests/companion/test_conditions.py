@@ -8,8 +8,8 @@ import math
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import LinkLoss, Supervision
-from moar_companion.safety.check_inputs import Host
+from moar_companion.companion.safety.check_inputs import Host
+from moar_companion.settings.config import LinkLoss, Supervision
 
 from ..mavlink.peer import Peer
 from .desk import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, LINK, TEMPORARILY_REJECTED, Desk

@@ -15,15 +15,15 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from moar_companion.config import Supervision, shipped_configs
-from moar_companion.error_margin import flown_site
+from moar_companion.companion.error_margin import flown_site
+from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.site import Site
-from moar_companion.text_format import pilot_text
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import Supervision, shipped_configs
+from moar_companion.texts.text_format import pilot_text
 from moar_companion.types import ARDUPILOT, PX4, Mission, RiskIndices
 from tests.thorough import sampled
 from tests.vehicles import named_vehicle

@@ -13,7 +13,7 @@ from moar_companion.companion.intake import (
 )
 from moar_companion.mavlink import codec as codec_module
 from moar_companion.mavlink.peers import Precedence
-from moar_companion.text_format import pilot_text
+from moar_companion.texts.text_format import pilot_text
 
 from ..mavlink.peer import Peer
 from .commands import OPERATOR_LINK, hovering

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import Authority
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Conductor
+from moar_companion.planner.site import Conductor
+from moar_companion.settings.config import Authority
 from moar_companion.types import Mission
 
 from ..copies import flown_once

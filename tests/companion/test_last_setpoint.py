@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Authority
-from moar_companion.mission_states import STREAMING, MissionState
-from moar_companion.safety.condition_types import Action
-from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.companion.mission_states import STREAMING, MissionState
+from moar_companion.companion.safety.condition_types import Action
+from moar_companion.companion.safety.conditions import CONDITIONS
+from moar_companion.settings.config import Authority
 
 from ..mavlink.peer import Peer
 from .desk import EXIT, INSPECTION, RELEASE, Desk

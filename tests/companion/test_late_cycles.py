@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from moar_companion.config import Authority
+from moar_companion.settings.config import Authority
 
 from .desk import ACCEPTED, EXIT, HOLD, INSPECTION, RELEASE, STEP_S, Desk
 from .scripted_autopilot import AUTO_HOLD, CRITICAL, POSCTL

@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Conductor
+from moar_companion.planner.site import Conductor
 from moar_companion.types import Mission
 
 from .desk import EVACUATION, EXIT, INSPECTION, Desk, usual_planner

@@ -12,16 +12,16 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Supervision, shipped_configs
-from moar_companion.error_margin import flown_site
+from moar_companion.companion.error_margin import flown_site
+from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.site import Polygon, Site, Target
+from moar_companion.planner.site import Polygon, Site, Target
+from moar_companion.settings.config import Supervision, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import ARDUPILOT, PX4, Mission, RiskIndices
-from moar_companion.vehicle import Vehicle
 
 from .desk import DENIED, EXIT, TEMPORARILY_REJECTED, Desk, usual_planner
 

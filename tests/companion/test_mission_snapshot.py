@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.companion.mission.state_machine import MissionState, Task
 from moar_companion.companion.mission_snapshot import MissionSnapshot
-from moar_companion.config import shipped_configs
-from moar_companion.mission.state_machine import MissionState, Task
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from moar_companion.types import Mission
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")

@@ -9,11 +9,11 @@ from unittest import mock
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.companion.mission.values import MissionStatus
+from moar_companion.companion.mission_states import MissionState
 from moar_companion.companion.mode_requester import ModeRequester
-from moar_companion.config import Authority
-from moar_companion.mission.values import MissionStatus
-from moar_companion.mission_states import MissionState
 from moar_companion.planner.planner import Planner
+from moar_companion.settings.config import Authority
 from moar_companion.types import Mission
 
 from .desk import (

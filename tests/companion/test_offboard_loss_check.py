@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import LossCheck, Supervision
+from moar_companion.settings.config import LossCheck, Supervision
 
 from .desk import (
     ACCEPTED,

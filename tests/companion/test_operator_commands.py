@@ -7,7 +7,7 @@ import math
 import pytest
 
 from moar_companion.companion.flight_limits import FlightLimits
-from moar_companion.config import Authority
+from moar_companion.settings.config import Authority
 
 from ..mavlink.peer import Peer
 from .commands import OPERATOR_LINK, hovering

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from moar_companion.config import Authority
+from moar_companion.settings.config import Authority
 
 from ..mavlink.peer import Peer
 from .desk import (

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from moar_companion.companion import refuge
-from moar_companion.config import Authority, LossCheck, Supervision
+from moar_companion.settings.config import Authority, LossCheck, Supervision
 
 from .desk import DENIED, EXIT, HOLD, INSPECTION, STEP_S, Desk
 

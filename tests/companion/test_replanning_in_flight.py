@@ -8,12 +8,12 @@ from unittest import mock
 
 import pytest
 
+from moar_companion.companion.guidance.splice import Adoption
+from moar_companion.companion.planning.plan_jobs import answer_job
 from moar_companion.companion.status import LatestDecisions
-from moar_companion.guidance.splice import Adoption
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import answer_job
+from moar_companion.planner.site import Conductor
 from moar_companion.risk import RiskEstimate
-from moar_companion.site import Conductor
 from moar_companion.types import Mission, RiskIndices
 from tests.companion.desk import EXIT, INSPECTION, USER_1, Desk, usual_planner
 from tests.companion.scripted_autopilot import OFFBOARD

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from moar_companion.companion.mission_states import MissionState
 from moar_companion.companion.reports import Reports
 from moar_companion.mavlink.autopilot_control import CommandAnswered
 from moar_companion.mavlink.identity import Autopilot, AutopilotConflict
 from moar_companion.mavlink.own_ids import ComponentConflict
 from moar_companion.mavlink.peers import AutopilotElsewhere, PeerRefused
 from moar_companion.mavlink.statustext import Severity
-from moar_companion.mission_states import MissionState
 from moar_companion.types import PX4
 
 from .desk import Desk

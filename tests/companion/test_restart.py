@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.mission.state_machine import MissionState, Task
 from moar_companion.companion.mission_snapshot import MissionSnapshot
-from moar_companion.config import Authority, shipped_configs
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.mission.state_machine import MissionState, Task
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import Authority, shipped_configs
 from moar_companion.types import Mission
 
 from .desk import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from moar_companion.companion.risk_monitor import RiskMonitor
-from moar_companion.telemetry import MotorOutputs, Telemetry
+from moar_companion.mavlink.telemetry import MotorOutputs, Telemetry
 from tests.vehicles import named_vehicle
 
 from ..risk.conftest import HEALTHY

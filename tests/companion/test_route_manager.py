@@ -7,19 +7,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.parameter_names import Parameters
+from moar_companion.companion.estimation.pose import Pose
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.guidance.splice import Adoption
+from moar_companion.companion.mission.values import Task
+from moar_companion.companion.planning.plan_jobs import answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.companion.route_manager import RouteManager
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.estimation.pose import Pose
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.guidance.splice import Adoption
-from moar_companion.mission.values import Task
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import answer_job
-from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.risk import RiskEstimate
+from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.types import PX4, Mission, RiskIndices
 
 from ..losses import loss_of

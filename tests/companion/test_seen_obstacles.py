@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.companion.estimation.pose import Setpoint
 from moar_companion.companion.status import LatestDecisions
-from moar_companion.estimation.pose import Setpoint
-from moar_companion.perception.perception_report import (
-    PerceptionReport,
-)
+from moar_companion.perception.perception_report import PerceptionReport
 from moar_companion.perception.pose_notes import AttitudeNote, PointsNote, PositionNote
-from moar_companion.perception_config import Perception, Sensor
-from moar_companion.site import Polygon
+from moar_companion.planner.site import Polygon
+from moar_companion.settings.perception_config import Perception, Sensor
 from tests.companion.desk import (
     EXIT,
     INSPECTION,

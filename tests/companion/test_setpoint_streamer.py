@@ -9,13 +9,13 @@ from types import SimpleNamespace
 
 import pytest
 
+from moar_companion.companion.estimation.plane_to_local import PlaneToLocal
+from moar_companion.companion.estimation.pose import Jump, Setpoint
+from moar_companion.companion.guidance.path_follower import PathFollower
 from moar_companion.companion.mission_executor import MissionExecutor
 from moar_companion.companion.setpoint_streamer import SetpointStreamer
-from moar_companion.config import Supervision
-from moar_companion.estimation.plane_to_local import PlaneToLocal
-from moar_companion.estimation.pose import Jump, Setpoint
-from moar_companion.guidance.path_follower import PathFollower
-from moar_companion.site import Margin
+from moar_companion.planner.site import Margin
+from moar_companion.settings.config import Supervision
 from moar_companion.types import PX4, Mission
 
 from .desk import INSPECTION, Desk, usual_planner

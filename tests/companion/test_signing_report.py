@@ -6,11 +6,11 @@ import pytest
 
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.signing_report import SigningReport
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.link_config import LinkConfig
 from moar_companion.mavlink.signing import Signing, SigningKey, SigningRefusal, timestamp_at
-from moar_companion.text_format import pilot_text
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.link_config import LinkConfig
+from moar_companion.settings.vehicle import Vehicle
+from moar_companion.texts.text_format import pilot_text
 
 from ..mavlink.signed import SECRET, SignedPeer
 from .desk import LINK

@@ -8,12 +8,12 @@ import pytest
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.reports import Decision
 from moar_companion.companion.status import LatestDecisions
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.link_config import LinkConfig
 from moar_companion.mavlink.session import Severity
 from moar_companion.mavlink.signing import Signing, SigningKey
-from moar_companion.telemetry import LinkStatistics
-from moar_companion.vehicle import Vehicle
+from moar_companion.mavlink.telemetry import LinkStatistics
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.link_config import LinkConfig
+from moar_companion.settings.vehicle import Vehicle
 
 from ..mavlink.peer import Peer
 from ..mavlink.signed import OTHER_SECRET, SECRET, SignedPeer

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import Commands
+from moar_companion.settings.config import Commands
 
 from ..mavlink.peer import Peer
 from .commands import LINKS, OPERATOR_LINK, answers, carried_out, hovering, results

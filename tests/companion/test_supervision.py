@@ -8,7 +8,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Supervision
+from moar_companion.settings.config import Supervision
 
 from ..copies import flown_once
 from ..mavlink.peer import Peer

@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.config import Supervision
-from moar_companion.mission.state_changes import state_words
-from moar_companion.mission.values import Task, Verdict
-from moar_companion.mission_states import MissionState
+from moar_companion.companion.mission.state_changes import state_words
+from moar_companion.companion.mission.values import Task, Verdict
+from moar_companion.companion.mission_states import MissionState
+from moar_companion.companion.safety.check_inputs import Host
+from moar_companion.companion.safety.checks import causes
+from moar_companion.companion.safety.condition_types import Action
+from moar_companion.companion.safety.conditions import CONDITIONS
+from moar_companion.mavlink.telemetry import PeerHeartbeat
 from moar_companion.planner.planner import Planner
-from moar_companion.safety.check_inputs import Host
-from moar_companion.safety.checks import causes
-from moar_companion.safety.condition_types import Action
-from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.telemetry import PeerHeartbeat
-from moar_companion.text_format import exceeds, pilot_text
+from moar_companion.settings.config import Supervision
+from moar_companion.texts.text_format import exceeds, pilot_text
 from moar_companion.types import ARDUPILOT, PX4, Mission
 
 from ..losses import loss_of

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from moar_companion.companion.estimation.pose import Pose
+from moar_companion.companion.guidance.flight_volume import FlightVolume
+from moar_companion.companion.guidance.path_follower import PathFollower
+from moar_companion.companion.mission.values import MissionStatus
+from moar_companion.companion.mission_states import MissionState
+from moar_companion.companion.safety.conditions import CONDITIONS
+from moar_companion.companion.safety.supervisor import Acting, Ruling
 from moar_companion.companion.wind_recovery import WindRecovery
-from moar_companion.estimation.pose import Pose
-from moar_companion.guidance.flight_volume import FlightVolume
-from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.mavlink.statustext import StatusTexts
-from moar_companion.mission.values import MissionStatus
-from moar_companion.mission_states import MissionState
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.safety.supervisor import Acting, Ruling
-from moar_companion.text_format import pilot_text
+from moar_companion.texts.text_format import pilot_text
 from moar_companion.types import PX4
 
 from ..losses import loss_of

@@ -12,8 +12,8 @@ from moar_companion.perception.perception_report import (
     SeenConductor,
     SensorHealth,
 )
-from moar_companion.perception_config import Perception, Sensor
 from moar_companion.planner.planner import Planner
+from moar_companion.settings.perception_config import Perception, Sensor
 from tests.companion.desk import INSPECTION, STEP_S, USER_1, Desk, usual_planner
 from tests.companion.scripted_autopilot import OFFBOARD
 

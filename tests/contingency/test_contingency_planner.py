@@ -9,10 +9,10 @@ from dataclasses import fields, replace
 
 import pytest
 
-from moar_companion.config import Supervision
+from moar_companion.companion.planning.plan_jobs import PlanAnswer
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import PlanAnswer
-from moar_companion.power import landing_s
+from moar_companion.risk.power import landing_s
+from moar_companion.settings.config import Supervision
 from moar_companion.types import PX4, Mission
 
 from ..companion.desk import ACCEPTED, EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk, usual_planner

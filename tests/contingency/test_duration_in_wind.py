@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.config import shipped_configs
-from moar_companion.contingency.route_cost import least_in_wind_s
+from moar_companion.companion.contingency.route_cost import least_in_wind_s
 from moar_companion.risk.drag import deceleration_mps2
-from moar_companion.risk_model import Range, RiskModel
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.risk_model import Range, RiskModel
+from moar_companion.settings.vehicle import Vehicle
 
 X500 = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
 GRAVITY_MPS2 = 9.80665

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.contingency.route_cost import RouteCost, better_of
+from moar_companion.companion.contingency.route_cost import RouteCost, better_of
 from moar_companion.types import Mission
 
 NOW_S = 100.0

@@ -8,11 +8,16 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from moar_companion.config import CompanionConfig, RecorderSettings, Replanning, Supervision
-from moar_companion.risk_model import RadioKind, Range, RiskModel
-from moar_companion.site import Site
-from moar_companion.vehicle import Guidance, Power, Vehicle
-from moar_companion.yaml_schema import file_key
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import (
+    CompanionConfig,
+    RecorderSettings,
+    Replanning,
+    Supervision,
+)
+from moar_companion.settings.risk_model import RadioKind, Range, RiskModel
+from moar_companion.settings.vehicle import Guidance, Power, Vehicle
+from moar_companion.settings.yaml_schema import file_key
 
 
 def section(record: Any) -> dict[str, Any]:

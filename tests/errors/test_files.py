@@ -9,8 +9,8 @@ import os
 import pytest
 import yaml
 
-from moar_companion import cli
-from moar_companion.config import shipped_configs
+from moar_companion.commands import cli
+from moar_companion.settings.config import shipped_configs
 from tests.one_line import one_line
 
 from .files import FILES

@@ -22,7 +22,7 @@ import psutil
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import shipped_configs
+from moar_companion.settings.config import shipped_configs
 from tests.thorough import sampled
 
 ROOT = Path(__file__).parents[2]

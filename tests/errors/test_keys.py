@@ -12,11 +12,11 @@ import json
 import pytest
 import yaml
 
-from moar_companion.config import _CompanionFile
 from moar_companion.errors import InputError
-from moar_companion.site import _SiteFile
-from moar_companion.vehicle import _VehicleFile
-from moar_companion.yaml_file import _schema_at, dotted, shown
+from moar_companion.planner.site import _SiteFile
+from moar_companion.settings.config import _CompanionFile
+from moar_companion.settings.vehicle import _VehicleFile
+from moar_companion.settings.yaml_file import _schema_at, dotted, shown
 
 from .files import EMPTY_IS_NONE, FILES, ONE_OF_TWO, REQUIRED, parent, walk
 

@@ -14,8 +14,8 @@ import threading
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion import cli
-from moar_companion.config import shipped_configs
+from moar_companion.commands import cli
+from moar_companion.settings.config import shipped_configs
 from tests.one_line import one_line
 from tests.processes import companion
 

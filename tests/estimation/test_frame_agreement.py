@@ -7,13 +7,19 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.estimation.frame_agreement import FrameAgreement
-from moar_companion.frames import SiteFrame
+from moar_companion.companion.estimation.frame_agreement import FrameAgreement
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
+from moar_companion.mavlink.telemetry import (
+    GlobalPosition,
+    Home,
+    LocalOrigin,
+    LocalPosition,
+    Telemetry,
+)
 from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS
 from moar_companion.mavlink.translate import update
-from moar_companion.telemetry import GlobalPosition, Home, LocalOrigin, LocalPosition, Telemetry
+from moar_companion.planner.site_frame import SiteFrame
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN, GeodeticPoint
 from tests.mavlink.conftest import SHARED, packets
 

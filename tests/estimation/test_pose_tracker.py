@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.estimation.pose import Pose
-from moar_companion.estimation.pose_tracker import PoseTracker, SiteMaps
+from moar_companion.companion.estimation.pose import Pose
+from moar_companion.companion.estimation.pose_tracker import PoseTracker, SiteMaps
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.telemetry import LocalPosition, Telemetry
 from moar_companion.mavlink.translate import update
-from moar_companion.telemetry import LocalPosition, Telemetry
 from tests.mavlink.conftest import SHARED, packets
 
 from ..companion.desk import usual_planner

@@ -12,16 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from moar_companion.autopilots.fence import Area, Fence, Limit
-from moar_companion.config import shipped_configs
-from moar_companion.estimation import site_fence
-from moar_companion.estimation.site_fence import SiteFence, fenced, plane_fence
+from moar_companion.companion.estimation import site_fence
+from moar_companion.companion.estimation.site_fence import SiteFence, fenced, plane_fence
+from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.mavlink.autopilots.fence import Area, Fence, Limit
+from moar_companion.mavlink.telemetry import FenceItem
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.site import Site
-from moar_companion.telemetry import FenceItem
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from moar_companion.types import PX4, Mission
 from tests.vehicles import named_vehicle
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from moar_companion.evaluation import measures
+from moar_companion.analysis.evaluation import measures
 
 
 def test_the_range_ratio_is_that_of_the_ranges():

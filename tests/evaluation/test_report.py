@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from moar_companion.evaluation import adaptability, experiments, flight, sensitivity
-from moar_companion.evaluation.experiments import Results
-from moar_companion.evaluation.figures.drawing import Picture
-from moar_companion.evaluation.report import text
-from moar_companion.evaluation.scenes import SWEPT
-from moar_companion.evaluation.tables import scene_table
+from moar_companion.analysis.evaluation import adaptability, experiments, flight, sensitivity
+from moar_companion.analysis.evaluation.experiments import Results
+from moar_companion.analysis.evaluation.figures.drawing import Picture
+from moar_companion.analysis.evaluation.report import text
+from moar_companion.analysis.evaluation.scenes import SWEPT
+from moar_companion.analysis.evaluation.tables import scene_table
 from moar_companion.types import Mission
 
 EVACUATIONS = [scene for scene in SWEPT if scene.mission is Mission.EVACUATION]

@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from moar_companion.evaluation import adaptability, missions, sensitivity
-from moar_companion.evaluation.paths import METRICS
-from moar_companion.evaluation.scenes import (
+from moar_companion.analysis.evaluation import adaptability, missions, sensitivity
+from moar_companion.analysis.evaluation.paths import METRICS
+from moar_companion.analysis.evaluation.scenes import (
     BASES,
     DISPLACED_M,
     SCENES,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from moar_companion.config import Authority
 from moar_companion.risk.wind import FROM_TILT, strongest
+from moar_companion.settings.config import Authority
 from sitl.manners import KINDS
 from sitl.quadrotor import Airframe
 

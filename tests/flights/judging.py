@@ -15,8 +15,8 @@ import numpy as np
 import shapely
 from shapely.geometry import Point, Polygon
 
-from moar_companion.config import Supervision
-from moar_companion.site import Conductor
+from moar_companion.planner.site import Conductor
+from moar_companion.settings.config import Supervision
 from sitl.geodesy import FlatProjection, Geodetic, SphereProjection, TrueFrame
 
 from .operator import Manner

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from moar_companion.companion.companion import Companion
 from moar_companion.perception.live_perception import LivePerception
 from moar_companion.perception.perception_report import PerceptionReport
-from moar_companion.perception_config import Perception
+from moar_companion.planner.site import Conductor, Site
 from moar_companion.service.perception_worker import apply
-from moar_companion.site import Conductor, Site
+from moar_companion.settings.perception_config import Perception
 from sitl.autopilot import Truth
 from sitl.geodesy import Geodetic
 from sitl.lidar import LidarScene, Prism, Wire

@@ -13,22 +13,22 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.companion.error_margin import flown_site, sighted
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.mission_snapshot import MissionSnapshot
+from moar_companion.companion.planning.map_jobs import MapJob, answer_map_job
+from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.companion.reports import Decision
-from moar_companion.config import Authority, CompanionConfig, shipped_configs
-from moar_companion.error_margin import flown_site, sighted
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.link_config import LinkConfig
 from moar_companion.mavlink.signing import Signing, SigningKey
-from moar_companion.perception_config import Perception, Sensor
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.map_jobs import MapJob, answer_map_job
-from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.recording.calls import Call, RecordedCompanion
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.service.recording.calls import Call, RecordedCompanion
+from moar_companion.settings.config import Authority, CompanionConfig, shipped_configs
+from moar_companion.settings.link_config import LinkConfig
+from moar_companion.settings.perception_config import Perception, Sensor
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import AutopilotKind
-from moar_companion.vehicle import Vehicle
 from sitl.autopilot import Options, Truth
 from sitl.lidar_scene import PlacedScene
 from sitl.manners import KINDS

@@ -13,9 +13,9 @@ import json
 import sys
 from dataclasses import replace
 
-from moar_companion.config import Supervision
-from moar_companion.site import Site
-from moar_companion.vehicle import Vehicle
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import Supervision
+from moar_companion.settings.vehicle import Vehicle
 
 from .judging import in_plane
 from .lockstep import Lockstep

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from moar_companion.mission.values import Verdict
-from moar_companion.safety.condition_types import Action
-from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.companion.mission.values import Verdict
+from moar_companion.companion.safety.condition_types import Action
+from moar_companion.companion.safety.conditions import CONDITIONS
 
 _REFUSALS = (Verdict.TEMPORARILY_REJECTED, Verdict.DENIED, Verdict.FAILED)
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import shapely
 
-from moar_companion.config import Authority, shipped_configs
-from moar_companion.site import Polygon, Site
-from moar_companion.vehicle import Vehicle
+from moar_companion.planner.site import Polygon, Site
+from moar_companion.settings.config import Authority, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 
 from ..thorough import sampled
 from .campaign import AFTERMATH_S, DEVELOPMENT, HELD_OUT

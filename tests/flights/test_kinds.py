@@ -12,8 +12,8 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Supervision
-from moar_companion.error_margin import margin_of
+from moar_companion.companion.error_margin import margin_of
+from moar_companion.settings.config import Supervision
 from tests.copies import flown_once
 from tests.mavlink.signed import OTHER_SECRET, SECRET
 from tests.vehicles import named_vehicle

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from tests.vehicles import named_vehicle
 
 from .judging import Blown, Leash

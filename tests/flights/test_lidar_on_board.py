@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from sitl.demonstration.perceive import lidar_scene
 
 from .lockstep import Lockstep

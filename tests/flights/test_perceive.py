@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from moar_companion.perception_config import Perception
+from moar_companion.settings.perception_config import Perception
 from sitl.lidar import Box, LidarScene, Tree, Wire
 from tests.thorough import sampled
 

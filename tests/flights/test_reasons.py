@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.safety.condition_texts import action_words, examples
-from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.companion.safety.condition_texts import action_words, examples
+from moar_companion.companion.safety.conditions import CONDITIONS
 
 from .reasons import reason
 

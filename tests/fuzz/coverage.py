@@ -20,10 +20,10 @@ except ImportError:  # the extra `fuzz`; single inputs need no atheris
 
 INSTRUMENTED = ["moar_companion.mavlink"]
 with atheris.instrument_imports(INSTRUMENTED) if atheris else contextlib.nullcontext():
-    from moar_companion.config import LinkRole
     from moar_companion.mavlink.dialect import mavlink
     from moar_companion.mavlink.session import Session, SystemStatus
     from moar_companion.mavlink.signing import LinkSigning, SigningKey
+    from moar_companion.settings.config import LinkRole
 
     from .frames import OURS, frame, hostile_payload, shape_of
 

@@ -25,12 +25,12 @@ from random import Random
 import numpy as np
 
 from moar_companion.companion.companion import Companion
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.intake import BUDGET_BYTES, LEAST_BYTES
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.link_config import LinkConfig, LinkRole
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey, timestamp_at
-from moar_companion.recording.calls import RecordedCompanion
+from moar_companion.service.recording.calls import RecordedCompanion
+from moar_companion.settings.link_config import LinkConfig, LinkRole
 from sitl.wire import packet_header, packets
 
 from ..benchmarks.soak import anonymous_mb, forget

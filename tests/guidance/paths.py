@@ -8,7 +8,7 @@ import math
 import numpy as np
 from hypothesis import strategies as st
 
-from moar_companion.guidance.trajectory import PathPoints, make_trajectory
+from moar_companion.companion.guidance.trajectory import PathPoints, make_trajectory
 
 ROUNDING_M = 0.15
 CELL_M = 0.3

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.estimation.pose import Setpoint
-from moar_companion.guidance.flight_volume import FlightVolume
-from moar_companion.guidance.plan_path import CheckedLeg
+from moar_companion.companion.estimation.pose import Setpoint
+from moar_companion.companion.guidance.flight_volume import FlightVolume
+from moar_companion.companion.guidance.plan_path import CheckedLeg
 from moar_companion.planner.maps import build_maps
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.types import PX4

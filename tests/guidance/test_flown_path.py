@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.estimation.pose import Pose
-from moar_companion.guidance.flight_volume import FlightVolume
-from moar_companion.guidance.path_follower import PathFollower
-from moar_companion.guidance.splice import Adoption
+from moar_companion.companion.estimation.pose import Pose
+from moar_companion.companion.guidance.flight_volume import FlightVolume
+from moar_companion.companion.guidance.path_follower import PathFollower
+from moar_companion.companion.guidance.splice import Adoption
 from moar_companion.planner.planner import Planner
 from moar_companion.types import PX4
 

@@ -10,12 +10,12 @@ import math
 
 import pytest
 
-from moar_companion.estimation.pose import Setpoint
-from moar_companion.guidance.flight_volume import FlightVolume
-from moar_companion.guidance.plan_path import CheckedLeg
+from moar_companion.companion.estimation.pose import Setpoint
+from moar_companion.companion.guidance.flight_volume import FlightVolume
+from moar_companion.companion.guidance.plan_path import CheckedLeg
+from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.planner.plan_values import PlanRequest
-from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.types import ARDUPILOT, Mission, RiskIndices, Weights
 
 from ..companion.desk import (

@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.config import shipped_configs
-from moar_companion.estimation.plane_to_local import PlaneToLocal
-from moar_companion.estimation.pose import Jump, Pose
-from moar_companion.guidance.flight_volume import FlightVolume
-from moar_companion.guidance.path_follower import PathFollower
-from moar_companion.guidance.splice import Adoption
+from moar_companion.companion.estimation.plane_to_local import PlaneToLocal
+from moar_companion.companion.estimation.pose import Jump, Pose
+from moar_companion.companion.guidance.flight_volume import FlightVolume
+from moar_companion.companion.guidance.path_follower import PathFollower
+from moar_companion.companion.guidance.splice import Adoption
+from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.planner.plan_values import PlanRequest, PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.regions import obstacle_clearance_m
-from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import PlannerSet
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import ARDUPILOT, PX4, Mission, RiskIndices, Weights
-from moar_companion.vehicle import Vehicle
 from tests.vehicles import named_vehicle
 
 from ..companion.desk import usual_planner

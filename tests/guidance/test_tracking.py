@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.guidance.tracking import Reference, advanced, turned
-from moar_companion.guidance.trajectory import make_trajectory
-from moar_companion.vehicle import Guidance
+from moar_companion.companion.guidance.tracking import Reference, advanced, turned
+from moar_companion.companion.guidance.trajectory import make_trajectory
+from moar_companion.settings.vehicle import Guidance
 
 from .paths import ROUNDING_M, grid_walks, trajectory
 

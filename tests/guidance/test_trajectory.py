@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.guidance.trajectory import PathPoints, make_trajectory
+from moar_companion.companion.guidance.trajectory import PathPoints, make_trajectory
 
 from .paths import (
     CELL_M,

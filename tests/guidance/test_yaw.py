@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.estimation.plane_to_local import PlaneToLocal
-from moar_companion.estimation.pose import Pose
-from moar_companion.guidance.yaw import wanted_yaw_rad
+from moar_companion.companion.estimation.plane_to_local import PlaneToLocal
+from moar_companion.companion.estimation.pose import Pose
+from moar_companion.companion.guidance.yaw import wanted_yaw_rad
 from moar_companion.planner.planner import Planner
+from moar_companion.settings.vehicle import Guidance, YawMode
 from moar_companion.types import PX4
-from moar_companion.vehicle import Guidance, YawMode
 
 from ..planner.problems import FRAME, make_site, make_vehicle
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import yaml
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import INSPECTION, Operator, OperatorError
 from sitl.demonstration.processes import free_ports

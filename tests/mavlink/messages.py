@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from moar_companion.mavlink import translate
 from moar_companion.mavlink.dialect import create, mavlink
-from moar_companion.telemetry import Telemetry
+from moar_companion.mavlink.telemetry import Telemetry
 
 
 def message_of(name, **fields):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.session import Session, SystemStatus
+from moar_companion.settings.link_config import LinkRole
 
 
 class Story:

@@ -6,7 +6,7 @@ import pytest
 
 from moar_companion.mavlink import translate
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.telemetry import Failsafe, Telemetry
+from moar_companion.mavlink.telemetry import Failsafe, Telemetry
 
 GOOD, CONST_POSITION = 0x33F, 0x0A7
 

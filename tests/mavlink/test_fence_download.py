@@ -6,7 +6,7 @@ import pytest
 
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.fence_download import FenceDownload
-from moar_companion.telemetry import FenceItem
+from moar_companion.mavlink.telemetry import FenceItem
 
 AUTOPILOT, OURS = (1, 1), (1, 195)
 FENCE = mavlink.MAV_MISSION_TYPE_FENCE

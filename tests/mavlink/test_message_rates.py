@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from moar_companion import autopilots
+from moar_companion.mavlink import autopilots
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.message_rates import MessageRates, on_network, wanted_rates_hz
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN

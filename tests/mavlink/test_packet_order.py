@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict
 from moar_companion.mavlink.packet_order import PacketOrder
 from moar_companion.mavlink.source_clock import SourceClock
+from moar_companion.mavlink.telemetry import Failsafe
 from moar_companion.mavlink.telemetry_receiver import TelemetryReceiver
-from moar_companion.telemetry import Failsafe
+from moar_companion.settings.link_config import LinkRole
 
 HEARTBEAT, CURRENT_MODE, ATTITUDE = 0, 436, 30
 HOLD, OFFBOARD = 0x03040000, 0x00060000

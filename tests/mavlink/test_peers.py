@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import Commands
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.peers import AutopilotElsewhere, PeerRefused
+from moar_companion.settings.config import Commands
 
 from .peer import Peer
 from .story import Story

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.commands import MissionCommand
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from moar_companion.mavlink.session import CommandAnswered, Session, SystemStatus
 from moar_companion.mavlink.telemetry_receiver import ModeLeft
+from moar_companion.settings.link_config import LinkRole
 from moar_companion.types import ARDUPILOT, PX4
 
 from .messages import message_of

@@ -7,11 +7,11 @@ from functools import partial
 
 import pytest
 
-from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import CommandCancelled, CommandResult, MissionCommand
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.session import CommandAnswered, Session, Severity, SystemStatus
+from moar_companion.settings.link_config import LinkRole
 
 from .peer import Peer
 from .story import Story, commands, of_type, types

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.link_config import LinkConfig, LinkRole
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.session import Session, SystemStatus
@@ -21,6 +20,7 @@ from moar_companion.mavlink.signing import (
     link_signings,
     timestamp_at,
 )
+from moar_companion.settings.link_config import LinkConfig, LinkRole
 
 from .peer import Peer
 from .signed import MINUTE, OTHER_SECRET, SECRET, SignedPeer, signed_codec, signing

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.identity import AutopilotFound, AutopilotRestarted
 from moar_companion.mavlink.packet_count import SourceStatistics
 from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS, TelemetryReceiver
+from moar_companion.settings.link_config import LinkRole
 
 from .peer import Peer
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from moar_companion.mavlink import translate
 from moar_companion.mavlink.codec import Codec, checksum
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.telemetry import Telemetry
+from moar_companion.mavlink.telemetry import Telemetry
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 from .messages import message_of, updated

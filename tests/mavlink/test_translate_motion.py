@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from moar_companion.telemetry import LandedState
+from moar_companion.mavlink.telemetry import LandedState
 
 from .messages import updated
 

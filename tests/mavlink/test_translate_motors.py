@@ -8,7 +8,7 @@ import pytest
 from moar_companion.mavlink import translate
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.telemetry import Telemetry
+from moar_companion.mavlink.telemetry import Telemetry
 
 from .conftest import Peer
 from .messages import updated

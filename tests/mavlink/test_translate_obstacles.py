@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.telemetry import Attitude, Telemetry
+from moar_companion.mavlink.telemetry import Attitude, Telemetry
 
 from .messages import updated
 

@@ -6,9 +6,9 @@ import pytest
 
 from moar_companion.mavlink import translate
 from moar_companion.mavlink.dialect import create, mavlink
-from moar_companion.radio import RadioChannels, RadioLink
-from moar_companion.risk_model import RadioKind
-from moar_companion.telemetry import Telemetry
+from moar_companion.mavlink.radio import RadioChannels, RadioLink
+from moar_companion.mavlink.telemetry import Telemetry
+from moar_companion.settings.risk_model import RadioKind
 
 STATS = {
     "target_system": 1,

@@ -6,7 +6,7 @@ import pytest
 
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.passive_listener import PassiveListener
-from moar_companion.telemetry import Telemetry
+from moar_companion.mavlink.telemetry import Telemetry
 
 from .messages import updated
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.mission import state_machine
-from moar_companion.mission.values import (
+from moar_companion.companion.mission import state_machine
+from moar_companion.companion.mission.values import (
     Answer,
     FlightEffect,
     MissionStatus,
@@ -16,10 +16,10 @@ from moar_companion.mission.values import (
     Situation,
     Task,
 )
-from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.safety import supervisor
-from moar_companion.safety.condition_types import Causes
-from moar_companion.text_format import pilot_text
+from moar_companion.companion.mission_states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.companion.safety import supervisor
+from moar_companion.companion.safety.condition_types import Causes
+from moar_companion.texts.text_format import pilot_text
 from moar_companion.types import Mission
 
 WELL = Situation(mode_ours=False, mode_received_s=0.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import Replanning
-from moar_companion.mission.replanning import replan_reason, stays
+from moar_companion.companion.mission.replanning import replan_reason, stays
+from moar_companion.settings.config import Replanning
 from moar_companion.types import RiskIndices
 
 POLICY = Replanning(period_s=2.0, risk_change=0.1, min_interval_s=0.3)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission.state_machine import restarted
-from moar_companion.mission.values import FlightEffect, Order
-from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.safety.condition_types import Action
-from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.companion.mission.state_machine import restarted
+from moar_companion.companion.mission.values import FlightEffect, Order
+from moar_companion.companion.mission_states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.companion.safety.condition_types import Action
+from moar_companion.companion.safety.conditions import CONDITIONS
 
 from .stories import (
     EVACUATION,

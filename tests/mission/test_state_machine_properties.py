@@ -6,10 +6,10 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from moar_companion.mission.values import Answer, Order, RequestPlan
-from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.safety.condition_types import Action, Causes, Override
-from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.companion.mission.values import Answer, Order, RequestPlan
+from moar_companion.companion.mission_states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.companion.safety.condition_types import Action, Causes, Override
+from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.types import Mission
 
 from .stories import EVACUATION, EXIT, FAILSAFE, IN_THE_AIR, INSPECTION, Story

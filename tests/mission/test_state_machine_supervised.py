@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission.values import FlightEffect, Order, Task
-from moar_companion.mission_states import MissionState
+from moar_companion.companion.mission.values import FlightEffect, Order, Task
+from moar_companion.companion.mission_states import MissionState
 from moar_companion.types import Mission
 
 from .stories import (

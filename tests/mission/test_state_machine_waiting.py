@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission import state_machine
-from moar_companion.mission.values import FlightEffect, Order
-from moar_companion.mission_states import MissionState
+from moar_companion.companion.mission import state_machine
+from moar_companion.companion.mission.values import FlightEffect, Order
+from moar_companion.companion.mission_states import MissionState
 
 from .stories import EVACUATION, EXIT, INSPECTION, story
 

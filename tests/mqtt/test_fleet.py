@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from moar_companion.mqtt.fleet import Fleet
-from moar_companion.mqtt.topics import Publication
-from moar_companion.outlets.fleet_view import FleetView, lines_of
+from moar_companion.commands.fleet_view import FleetView, lines_of
+from moar_companion.service.mqtt.fleet import Fleet
+from moar_companion.service.mqtt.topics import Publication
 
 from .statuses import flying, status_of
 

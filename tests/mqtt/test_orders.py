@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Commands
 from moar_companion.mavlink.commands import CommandResult
 from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.order_link import OrderLink
-from moar_companion.mqtt.orders import OrderChecks, RefusedOrder, signed_order
-from moar_companion.mqtt.payloads import OrderPayload
-from moar_companion.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
 from moar_companion.service import mqtt_orders
+from moar_companion.service.mqtt.orders import OrderChecks, RefusedOrder, signed_order
+from moar_companion.service.mqtt.payloads import OrderPayload
 from moar_companion.service.mqtt_orders import MqttOrders
+from moar_companion.settings.config import Commands
+from moar_companion.settings.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
 
 from ..companion.desk import ACCEPTED, IN_PROGRESS, USER_1, Desk
 from ..companion.scripted_autopilot import AUTO_RTL

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.mqtt import payloads
-from moar_companion.mqtt.schemas import FOLDER, schemas
-from moar_companion.mqtt.topics import TOPICS, Publication
+from moar_companion.service.mqtt import payloads
+from moar_companion.service.mqtt.schemas import FOLDER, schemas
+from moar_companion.service.mqtt.topics import TOPICS, Publication
 
 from ..companion.desk import Desk
 from .statuses import flying, status_of
@@ -148,7 +148,7 @@ def test_no_topic_is_published_twice_and_every_row_of_the_table_has_its_schema()
 
 def test_the_shipped_schemas_are_current():
     shipped = {path.name: path.read_text() for path in FOLDER.glob("*.json")}
-    assert shipped == schemas(), "run python -m moar_companion.mqtt.schemas"
+    assert shipped == schemas(), "run python -m moar_companion.service.mqtt.schemas"
 
 
 @pytest.mark.parametrize("name", [topic.name for topic in TOPICS])

@@ -8,8 +8,8 @@ import socket
 import subprocess
 import sys
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from tests.processes import ROOT, process
 
 SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"

@@ -10,12 +10,12 @@ from time import process_time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from moar_companion.frames import SiteFrame
 from moar_companion.perception.live_perception import LivePerception
 from moar_companion.perception.perception_report import PerceptionReport
 from moar_companion.perception.scan_frame import mount_rotation
-from moar_companion.perception_config import Perception, Sensor, SensorMount
-from moar_companion.site import Site, Workspace
+from moar_companion.planner.site import Site, Workspace
+from moar_companion.planner.site_frame import SiteFrame
+from moar_companion.settings.perception_config import Perception, Sensor, SensorMount
 from moar_companion.types import GeodeticPoint
 from sitl.lidar import PACKET_S, LidarScene, SimulatedLidar
 

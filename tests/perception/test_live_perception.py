@@ -11,7 +11,7 @@ import shapely
 
 from moar_companion.perception.lidar_scan import PacketFault
 from moar_companion.perception.live_perception import LivePerception
-from moar_companion.perception_config import Perception, Sensor, SensorMount
+from moar_companion.settings.perception_config import Perception, Sensor, SensorMount
 from sitl.lidar import Box, LidarScene, Prism, Tree, Wire
 from tests.perception.live import SITE, VELODYNE, Flight, Rig, last
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from moar_companion.perception.scan_frame import PoseHistory, attitude_in_site, points_in_site
-from moar_companion.perception_config import SensorMount
+from moar_companion.settings.perception_config import SensorMount
 
 AHEAD = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from shapely.geometry import LineString, MultiPoint, Point, Polygon, box
 
-from moar_companion.site import Conductor
+from moar_companion.planner.site import Conductor
 from moar_companion.types import Mission
 
 DIRECTIONS = [(0, 0), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]

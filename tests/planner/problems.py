@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from moar_companion.frames import SiteFrame
-from moar_companion.site import Conductor, Polygon, Site, Target, Workspace
+from moar_companion.planner.site import Conductor, Polygon, Site, Target, Workspace
+from moar_companion.planner.site_frame import SiteFrame
+from moar_companion.settings.vehicle import Guidance, SafetyShape, SpeedLimits, Vehicle
 from moar_companion.types import GeodeticPoint, Mission, Weights
-from moar_companion.vehicle import Guidance, SafetyShape, SpeedLimits, Vehicle
 
 FRAME = SiteFrame(
     origin=GeodeticPoint(latitude_deg=45.4, longitude_deg=-71.9, altitude_amsl_m=210.0),

@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 
 from moar_companion import Planner, RiskIndices, Site
-from moar_companion.adaptation import Adaptation
-from moar_companion.config import shipped_configs
+from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.analysis.alternatives import (
     RISK_LEVELS,
     alternatives,
@@ -17,6 +16,7 @@ from moar_companion.planner.analysis.alternatives import (
     same_path,
     unmoved_words,
 )
+from moar_companion.settings.config import shipped_configs
 from moar_companion.types import Mission, Weights
 from tests.vehicles import named_vehicle
 

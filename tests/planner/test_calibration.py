@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.adaptation import Adaptation, Calibration
 from moar_companion.errors import InputError
 from moar_companion.planner import calibration as calibration_module
 from moar_companion.planner import planner as planner_module
+from moar_companion.planner.adaptation import Adaptation, Calibration
 from moar_companion.planner.calibration import calibrated
 from moar_companion.planner.plan_values import Cost, PlanStatus
 from moar_companion.planner.planner import Planner
+from moar_companion.settings.vehicle import AdaptationKind
 from moar_companion.types import RiskIndices, Weights
-from moar_companion.vehicle import AdaptationKind
 
 from .problems import conductor, make_site, make_vehicle, polygon, random_problem
 

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.adaptation import Adaptation
 from moar_companion.errors import InputError
 from moar_companion.planner import planner as planner_module
+from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.cost_to_go_tables import TableBuilder
 from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner

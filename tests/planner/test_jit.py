@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import moar_companion
-from moar_companion.config import shipped_configs
 from moar_companion.planner import jit, polyline
+from moar_companion.settings.config import shipped_configs
 from tests.processes import output_of
 
 ELSEWHERE = """

@@ -10,9 +10,9 @@ import pytest
 from moar_companion.errors import InputError
 from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import Mission, Weights
-from moar_companion.vehicle import Vehicle
 from tests.thorough import sampled
 
 from . import oracle

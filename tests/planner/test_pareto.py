@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.adaptation import Adaptation
 from moar_companion.errors import InputError
+from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.analysis.pareto import front_document, pareto_front, sensitivity
 from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from moar_companion.errors import InputError
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Conductor, Polygon
+from moar_companion.planner.site import Conductor, Polygon
 from moar_companion.types import Mission, Weights
 
 from .problems import Problem, make_site, random_problem

@@ -17,7 +17,7 @@ from shapely.ops import unary_union
 from moar_companion.errors import InputError
 from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Conductor
+from moar_companion.planner.site import Conductor
 from moar_companion.types import Mission, Weights
 
 from .problems import conductor, make_site, make_vehicle, polygon, random_problem

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from moar_companion.config import shipped_configs
+from moar_companion.companion.planning.map_jobs import MapJob, answer_map_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.map_jobs import MapJob, answer_map_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.site import Conductor, Margin, Polygon, Site
-from moar_companion.vehicle import Vehicle
+from moar_companion.planner.site import Conductor, Margin, Polygon, Site
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 
 MARGIN = Margin(position_m=0.5, tracking_m=0.5)
 

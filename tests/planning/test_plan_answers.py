@@ -6,12 +6,12 @@ from unittest import mock
 
 import pytest
 
+from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.site import Margin
+from moar_companion.planner.site import Margin
 from moar_companion.types import Mission, RiskIndices, Weights
 
 from ..planner.problems import conductor, make_site, make_vehicle, polygon

@@ -7,25 +7,30 @@ from unittest import mock
 
 import pytest
 
-from moar_companion.adaptation import Adaptation
-from moar_companion.autopilots.failsafe_actions import (
+from moar_companion.companion.planning.plan_jobs import (
+    PlanJob,
+    answer_job,
+    preparations,
+    prepare_for,
+)
+from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.mavlink.autopilots.failsafe_actions import (
     NO_FAILSAFES,
     AutopilotAction,
     FailsafeAction,
     Failsafes,
     Trigger,
 )
-from moar_companion.config import shipped_configs
 from moar_companion.planner import planner as planner_module
+from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import PlanJob, answer_job, preparations, prepare_for
-from moar_companion.planning.planner_set import PlannerSet
+from moar_companion.planner.site import Site
 from moar_companion.service import planner_worker
 from moar_companion.service.planner_worker import PlannerWorker
-from moar_companion.site import Site
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import AdaptationKind, Vehicle
 from moar_companion.types import Mission, RiskIndices, Weights
-from moar_companion.vehicle import AdaptationKind, Vehicle
 
 
 @pytest.fixture

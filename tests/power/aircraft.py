@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from moar_companion.config import shipped_configs
-from moar_companion.power import Meter, PowerModel, metered
-from moar_companion.telemetry import Battery, Landed, LandedState, LocalPosition, Telemetry
-from moar_companion.vehicle import Power, Vehicle
+from moar_companion.mavlink.telemetry import Battery, Landed, LandedState, LocalPosition, Telemetry
+from moar_companion.risk.power import Meter, PowerModel, metered
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Power, Vehicle
 
 X500 = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
 """5 m/s level, 3 m/s up, 1.5 m/s down; four cells, 900 s of flight."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from moar_companion.power.cells import misread
-from moar_companion.telemetry import Battery, Telemetry
+from moar_companion.mavlink.telemetry import Battery, Telemetry
+from moar_companion.risk.power.cells import misread
 
 
 def test_a_wrong_number_of_cells_is_found_at_the_first_battery_with_a_voltage():

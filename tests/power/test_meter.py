@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.power import Meter, cell_v
-from moar_companion.telemetry import Battery, LandedState
-from moar_companion.vehicle import Power
+from moar_companion.mavlink.telemetry import Battery, LandedState
+from moar_companion.risk.power import Meter, cell_v
+from moar_companion.settings.vehicle import Power
 
 from .aircraft import Aircraft, model_of
 

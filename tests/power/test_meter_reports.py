@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.power import Meter, metered
-from moar_companion.telemetry import Battery, LandedState, Telemetry
+from moar_companion.mavlink.telemetry import Battery, LandedState, Telemetry
+from moar_companion.risk.power import Meter, metered
 
 from .aircraft import POWER, Aircraft, change_first_battery, model_of
 

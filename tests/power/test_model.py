@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.power import PowerModel, landing_s
-from moar_companion.risk_model import RiskModel
+from moar_companion.risk.power import PowerModel, landing_s
+from moar_companion.settings.risk_model import RiskModel
+from moar_companion.settings.vehicle import Power
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
-from moar_companion.vehicle import Power
 
 from .aircraft import X500, model_of
 

@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion import autopilots
-from moar_companion.config import Supervision
+from moar_companion.companion.preflight.aircraft import Arrivals, ReceivedData, aircraft_findings
+from moar_companion.companion.preflight.findings import Level
+from moar_companion.companion.safety.check_inputs import CheckInputs
+from moar_companion.companion.safety.checks import causes
+from moar_companion.mavlink import autopilots
 from moar_companion.mavlink.identity import Autopilot
-from moar_companion.preflight.aircraft import Arrivals, ReceivedData, aircraft_findings
-from moar_companion.preflight.findings import Level
-from moar_companion.risk import RiskEstimate, update
-from moar_companion.safety.check_inputs import CheckInputs
-from moar_companion.safety.checks import causes
-from moar_companion.telemetry import (
+from moar_companion.mavlink.telemetry import (
     AutopilotStatus,
     Firmware,
     PeerHeartbeat,
@@ -20,6 +18,8 @@ from moar_companion.telemetry import (
     RemoteControl,
     Telemetry,
 )
+from moar_companion.risk import RiskEstimate, update
+from moar_companion.settings.config import Supervision
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 from tests.vehicles import named_vehicle
 

@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import CompanionConfig, Supervision, shipped_configs
-from moar_companion.error_margin import flown_site
-from moar_companion.link_config import LinkConfig, LinkRole
+from moar_companion.companion.error_margin import flown_site
+from moar_companion.companion.preflight.aircraft_check import WAIT_S, Preflight
+from moar_companion.companion.preflight.findings import Level
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
-from moar_companion.preflight.aircraft_check import WAIT_S, Preflight
-from moar_companion.preflight.findings import Level
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import CompanionConfig, Supervision, shipped_configs
+from moar_companion.settings.link_config import LinkConfig, LinkRole
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import ARDUPILOT, Mission
-from moar_companion.vehicle import Vehicle
 from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options
 from sitl.fence_areas import Item
 from sitl.signing import SignOptions

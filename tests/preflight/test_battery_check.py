@@ -2,10 +2,10 @@
 
 import pytest
 
-from moar_companion.preflight.battery_check import CHARGE, battery_findings
-from moar_companion.preflight.findings import Level
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import Battery, Telemetry
+from moar_companion.companion.preflight.battery_check import CHARGE, battery_findings
+from moar_companion.companion.preflight.findings import Level
+from moar_companion.mavlink.telemetry import Battery, Telemetry
+from moar_companion.settings.risk_model import RiskModel
 
 OK, NOTE, WARNING, NO_GO = Level
 

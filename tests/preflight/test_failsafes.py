@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.failsafe_actions import Trigger
-from moar_companion.autopilots.parameter_names import Parameters
-from moar_companion.config import LossCheck, Supervision, shipped_configs
-from moar_companion.error_margin import flown_site
+from moar_companion.companion.error_margin import flown_site
+from moar_companion.companion.preflight.aircraft_check import parameter_findings
+from moar_companion.companion.preflight.failsafes import SUBJECT, failsafe_findings
+from moar_companion.companion.preflight.findings import Level
+from moar_companion.companion.safety.failsafe_paths import exposed_places
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.failsafe_actions import Trigger
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
 from moar_companion.planner.planner import Planner
-from moar_companion.power import PowerModel
-from moar_companion.preflight.aircraft_check import parameter_findings
-from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
-from moar_companion.preflight.findings import Level
-from moar_companion.safety.failsafe_paths import exposed_places
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.risk.power import PowerModel
+from moar_companion.settings.config import LossCheck, Supervision, shipped_configs
 from moar_companion.types import ARDUPILOT, PX4, Mission
 from tests.vehicles import named_vehicle
 

@@ -1,15 +1,15 @@
 """The autopilot's fence compared with a small site: each kind of finding by a fence that has it."""
 
-from moar_companion.autopilots.fence import Area, Fence, Limit
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.link_config import LinkConfig
+from moar_companion.companion.preflight.aircraft_check import Preflight
+from moar_companion.companion.preflight.fence_check import fence_findings
+from moar_companion.companion.preflight.findings import Level
+from moar_companion.companion.preflight.site_routes import routes_of
+from moar_companion.mavlink.autopilots.fence import Area, Fence, Limit
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
-from moar_companion.preflight.aircraft_check import Preflight
-from moar_companion.preflight.fence_check import fence_findings
-from moar_companion.preflight.findings import Level
-from moar_companion.preflight.site_routes import routes_of
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.link_config import LinkConfig
 from moar_companion.types import PX4
 
 from ..losses import loss_of

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import LossCheck, Supervision, shipped_configs
-from moar_companion.error_margin import flown_site
+from moar_companion.companion.error_margin import flown_site
+from moar_companion.companion.preflight.failsafes import LOSS_SUBJECT, loss_findings
+from moar_companion.companion.preflight.findings import Level
 from moar_companion.planner.planner import Planner
-from moar_companion.preflight.failsafes import LOSS_SUBJECT, loss_findings
-from moar_companion.preflight.findings import Level
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import LossCheck, Supervision, shipped_configs
 from moar_companion.types import ARDUPILOT, PX4
 from tests.vehicles import named_vehicle
 

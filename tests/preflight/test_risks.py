@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.preflight.battery_check import CHARGE
-from moar_companion.preflight.findings import Finding, Level
-from moar_companion.preflight.risks import risk_findings
+from moar_companion.companion.preflight.battery_check import CHARGE
+from moar_companion.companion.preflight.findings import Finding, Level
+from moar_companion.companion.preflight.risks import risk_findings
+from moar_companion.companion.safety.condition_types import Causes
+from moar_companion.mavlink.telemetry import Battery, Estimator, Gnss, Telemetry
 from moar_companion.risk import RiskEstimate, update
-from moar_companion.risk_model import RiskModel
-from moar_companion.safety.condition_types import Causes
-from moar_companion.telemetry import Battery, Estimator, Gnss, Telemetry
+from moar_companion.settings.risk_model import RiskModel
 
 OK, NOTE, WARNING, NO_GO = Level
 NO_FIX = Gnss(

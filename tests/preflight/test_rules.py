@@ -2,13 +2,13 @@
 
 import pytest
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.parameter_names import Parameters
-from moar_companion.config import LossCheck, shipped_configs
-from moar_companion.preflight.aircraft_check import parameter_findings
-from moar_companion.preflight.findings import Finding, Level, worst
+from moar_companion.companion.preflight.aircraft_check import parameter_findings
+from moar_companion.companion.preflight.findings import Finding, Level, worst
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
+from moar_companion.settings.config import LossCheck, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
-from moar_companion.vehicle import Vehicle
 from tests.vehicles import named_vehicle
 
 VEHICLES = shipped_configs() / "vehicles"

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import Supervision, shipped_configs
-from moar_companion.error_margin import flown_site
+from moar_companion.companion.error_margin import flown_site
+from moar_companion.companion.preflight.findings import Level, worst
+from moar_companion.companion.preflight.site_check import site_findings
 from moar_companion.planner.planner import Planner
-from moar_companion.preflight.findings import Level, worst
-from moar_companion.preflight.site_check import site_findings
-from moar_companion.site import Conductor, Polygon, Site, Target
+from moar_companion.planner.site import Conductor, Polygon, Site, Target
+from moar_companion.settings.config import Supervision, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import ARDUPILOT, Mission
-from moar_companion.vehicle import Vehicle
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EXIT, INSPECTION
 from tests.thorough import sampled
@@ -240,7 +240,7 @@ def test_a_speed_that_is_never_reached_is_a_note():
 
 
 def test_large_maps_are_a_warning(monkeypatch):
-    monkeypatch.setattr("moar_companion.preflight.site_check._LARGE_BYTES", 1_000_000)
+    monkeypatch.setattr("moar_companion.companion.preflight.site_check._LARGE_BYTES", 1_000_000)
     finding = found()["workspace"]
     assert finding.level is WARNING
     assert "100 x 66 cells of 0.3 m" in finding.text

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import yaml
 
-from moar_companion.config import shipped_configs
+from moar_companion.planner.site import Site
 from moar_companion.service.priority import NICE, ahead_of_others
-from moar_companion.site import Site
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import INSPECTION, OperatorError
 from sitl.demonstration.processes import free_ports, running

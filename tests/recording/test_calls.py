@@ -3,12 +3,7 @@
 import inspect
 
 from moar_companion.companion.companion import Companion
-from moar_companion.recording.calls import (
-    _ARGUMENTS,
-    INPUTS,
-    OUTPUTS,
-    START,
-)
+from moar_companion.service.recording.calls import _ARGUMENTS, INPUTS, OUTPUTS, START
 
 from ..flights.lockstep import COMPANION_LINK, Lockstep
 

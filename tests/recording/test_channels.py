@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pytest
 
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.safety.check_inputs import Host
 from moar_companion.companion.status import LatestDecisions
-from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.recording.calls import Call
-from moar_companion.recording.channels import Channels, CycleSampler, encoded_message
-from moar_companion.recording.flight_log import FlightLog
-from moar_companion.recording.schemas import CHANNELS, SHAPES, schema
-from moar_companion.safety.check_inputs import Host
+from moar_companion.service.recording.calls import Call
+from moar_companion.service.recording.channels import Channels, CycleSampler, encoded_message
+from moar_companion.service.recording.flight_log import FlightLog
+from moar_companion.service.recording.schemas import CHANNELS, SHAPES, schema
 
 from ..flights.lockstep import hovering
 from ..flights.operator import INSPECTION

@@ -6,9 +6,9 @@ import pytest
 
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
-from moar_companion.recording.calls import Call
-from moar_companion.recording.channels import Cycle
-from moar_companion.recording.secrets import Blanking, blanked
+from moar_companion.service.recording.calls import Call
+from moar_companion.service.recording.channels import Cycle
+from moar_companion.service.recording.secrets import Blanking, blanked
 
 KEY = bytes(range(1, 33))
 CODEC = Codec(system_id=255, component_id=190)

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.link_config import LinkConfig
-from moar_companion.mission.values import Task
-from moar_companion.recording.value_codec import decoded, encoded
-from moar_companion.safety.check_inputs import Host
-from moar_companion.safety.file_faults import FileFault
-from moar_companion.site import Site
+from moar_companion.companion.mission.values import Task
+from moar_companion.companion.safety.check_inputs import Host
+from moar_companion.companion.safety.file_faults import FileFault
+from moar_companion.planner.site import Site
+from moar_companion.service.recording.value_codec import decoded, encoded
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.link_config import LinkConfig
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import Mission
-from moar_companion.vehicle import Vehicle
 
 
 def through_json(kind, value):

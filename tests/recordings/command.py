@@ -10,13 +10,13 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
+from moar_companion.analysis.replay.exact import ANSWERS, ExactReplay
 from moar_companion.commands.replay_mcap import McapRecording, replay_exactly
-from moar_companion.planning.plan_jobs import answer_job
-from moar_companion.recording.answers import answer_encoded
-from moar_companion.recording.calls import call_encoded
-from moar_companion.recording.flight_log import made_with
-from moar_companion.recording.schemas import CALLS, CHANNELS, SHAPES, schema
-from moar_companion.replay.exact import ANSWERS, ExactReplay
+from moar_companion.companion.planning.plan_jobs import answer_job
+from moar_companion.service.recording.answers import answer_encoded
+from moar_companion.service.recording.calls import call_encoded
+from moar_companion.service.recording.flight_log import made_with
+from moar_companion.service.recording.schemas import CALLS, CHANNELS, SHAPES, schema
 from tests import recordings
 from tests.traces.flights import FLIGHTS
 

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
+from moar_companion.analysis.replay.exact import ExactReplay
 from moar_companion.commands.replay_mcap import McapRecording, replay_exactly
-from moar_companion.recording.calls import OUTPUTS
-from moar_companion.replay.exact import ExactReplay
+from moar_companion.service.recording.calls import OUTPUTS
 from tests.recordings.command import names, path_of, renewed, write
 
 

@@ -8,12 +8,12 @@ import struct
 
 import pytest
 
+from moar_companion.analysis.replay.dataflash_listener import DataflashListener
 from moar_companion.commands.replay import played
-from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
-from moar_companion.replay.dataflash_listener import DataflashListener
-from moar_companion.telemetry import LandedState
-from moar_companion.vehicle import Vehicle
+from moar_companion.mavlink.telemetry import LandedState
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 
 GUIDED = ("MODE", {"ModeNum": 4})
 HEALTH = {"C": 0, "PI": 0, "SS": 0x1F, "SV": 0.1, "SP": 0.2, "SH": 0.0, "SM": 0.3}

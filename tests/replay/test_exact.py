@@ -5,13 +5,13 @@ from unittest import mock
 
 import pytest
 
+from moar_companion.analysis.replay.exact import ExactReplay
+from moar_companion.companion.planning.map_jobs import MapJob
+from moar_companion.companion.safety.check_inputs import Host
 from moar_companion.errors import InputError
 from moar_companion.mavlink.codec import checksum_of
 from moar_companion.mavlink.signing import SigningKey
-from moar_companion.planning.map_jobs import MapJob
-from moar_companion.recording.calls import call_encoded
-from moar_companion.replay.exact import ExactReplay
-from moar_companion.safety.check_inputs import Host
+from moar_companion.service.recording.calls import call_encoded
 
 from ..flights.lockstep import Lockstep
 from ..flights.operator import INSPECTION
@@ -109,7 +109,7 @@ def test_maps_that_failed_are_not_made_in_the_replay(calls):
         list(replay.feed(call))
     job = MapJob(job_id=7, site=replay.planners.exact.site)
     replay.jobs["map_jobs"][7] = job
-    with mock.patch("moar_companion.replay.exact.answer_map_job", side_effect=MemoryError):
+    with mock.patch("moar_companion.analysis.replay.exact.answer_map_job", side_effect=MemoryError):
         answer = replay._answer("maps_answered", {"job_id": 7, "made": False})
     assert answer.site_maps is None
 

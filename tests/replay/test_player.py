@@ -14,21 +14,21 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from moar_companion.config import shipped_configs
+from moar_companion.analysis.pictures.replay_picture import draw_replay
+from moar_companion.analysis.replay import player
+from moar_companion.analysis.replay.player import SAMPLE_PERIOD_S, Player
+from moar_companion.analysis.replay.site_position import SitePosition
 from moar_companion.mavlink import telemetry_receiver
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.passive_listener import PassiveListener
 from moar_companion.mavlink.tlog import Tlog
-from moar_companion.outlets.replay_picture import draw_replay
 from moar_companion.planner.planner import Planner
-from moar_companion.replay import player
-from moar_companion.replay.player import SAMPLE_PERIOD_S, Player
-from moar_companion.replay.site_position import SitePosition
+from moar_companion.planner.site import Site
 from moar_companion.risk import update
-from moar_companion.site import Site
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import Mission
-from moar_companion.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED
 from tests.mavlink.messages import message_of
 from tests.mavlink.peer import Peer

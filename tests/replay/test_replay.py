@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.recording.calls import START
+from moar_companion.service.recording.calls import START
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EVACUATION, INSPECTION
 

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.analysis.replay.site_position import SitePosition
 from moar_companion.commands import replay
-from moar_companion.config import Supervision, shipped_configs
-from moar_companion.error_margin import flown_site
+from moar_companion.companion.error_margin import flown_site
+from moar_companion.mavlink.telemetry import (
+    Attitude,
+    GlobalPosition,
+    LocalOrigin,
+    LocalPosition,
+    Telemetry,
+)
 from moar_companion.planner.planner import Planner
-from moar_companion.replay.site_position import SitePosition
-from moar_companion.site import Site
-from moar_companion.telemetry import Attitude, GlobalPosition, LocalOrigin, LocalPosition, Telemetry
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import Supervision, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import RiskIndices
-from moar_companion.vehicle import Vehicle
 
 from ..safety.telemetry import px4_status
 

@@ -6,12 +6,12 @@ import math
 
 import pytest
 
+from moar_companion.analysis.replay.ulog import UlogListener, samples
+from moar_companion.analysis.replay.ulog_topics import UlogTopic
 from moar_companion.commands.replay import played
-from moar_companion.config import shipped_configs
-from moar_companion.replay.ulog import UlogListener, samples
-from moar_companion.replay.ulog_topics import UlogTopic
-from moar_companion.telemetry import LandedState, Telemetry
-from moar_companion.vehicle import Vehicle
+from moar_companion.mavlink.telemetry import LandedState, Telemetry
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED
 from tests.mavlink.messages import updated
 

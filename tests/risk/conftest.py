@@ -9,11 +9,8 @@ from typing import Any
 
 import pytest
 
-from moar_companion.power import Demands, PowerModel
-from moar_companion.radio import Radio
-from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import (
+from moar_companion.mavlink.radio import Radio
+from moar_companion.mavlink.telemetry import (
     Attitude,
     AutopilotStatus,
     Battery,
@@ -30,6 +27,9 @@ from moar_companion.telemetry import (
     Telemetry,
     Wind,
 )
+from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
+from moar_companion.risk.power import Demands, PowerModel
+from moar_companion.settings.risk_model import RiskModel
 from moar_companion.types import PX4, GeodeticPoint
 
 Source = Callable[[float], Any]

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.power import Demands, Meter, PowerModel
+from moar_companion.mavlink.telemetry import Battery, Landed, LandedState, Telemetry
 from moar_companion.risk.battery import inputs, remember
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import Battery, Landed, LandedState, Telemetry
-from moar_companion.vehicle import Power
+from moar_companion.risk.power import Demands, Meter, PowerModel
+from moar_companion.settings.risk_model import RiskModel
+from moar_companion.settings.vehicle import Power
 
 properties = settings(deadline=None, max_examples=100, derandomize=True, database=None)
 MODEL = RiskModel(cells=4)

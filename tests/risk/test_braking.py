@@ -8,20 +8,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.risk.braking import (
-    GRAVITY_MPS2,
-    WINDOW_S,
-    braking,
-    extended,
-    lean_acceleration_mps2,
-)
-from moar_companion.telemetry import (
+from moar_companion.mavlink.telemetry import (
     Attitude,
     Estimator,
     Landed,
     LandedState,
     LocalPosition,
     Telemetry,
+)
+from moar_companion.risk.braking import (
+    GRAVITY_MPS2,
+    WINDOW_S,
+    braking,
+    extended,
+    lean_acceleration_mps2,
 )
 
 from .conftest import HEALTHY

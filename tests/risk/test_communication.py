@@ -6,11 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.radio import Radio
-from moar_companion.risk import communication
-from moar_companion.risk.communication import CommunicationMemory
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import (
+from moar_companion.mavlink.radio import Radio
+from moar_companion.mavlink.telemetry import (
     LandedState,
     LinkNode,
     LinkStatistics,
@@ -19,6 +16,9 @@ from moar_companion.telemetry import (
     RemoteControl,
     Telemetry,
 )
+from moar_companion.risk import communication
+from moar_companion.risk.communication import CommunicationMemory
+from moar_companion.settings.risk_model import RiskModel
 
 
 def test_a_good_link_settles_to_no_risk(flight):

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion.mavlink.telemetry import LandedState
 from moar_companion.risk.braking import Braking
 from moar_companion.risk.drag import air_velocity_mps, deceleration_mps2
 from moar_companion.risk.drag_fit import DragFit, DragFlight, fit_drag
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import LandedState
+from moar_companion.settings.risk_model import RiskModel
 
 from .test_braking import every_tenth
 

@@ -9,7 +9,7 @@ import pytest
 
 from moar_companion.risk.braking import Braking
 from moar_companion.risk.drag_learning import DragLearning, apart_from_own_motion
-from moar_companion.risk_model import RiskModel
+from moar_companion.settings.risk_model import RiskModel
 
 MODEL = RiskModel(drag_per_m=0.0)
 

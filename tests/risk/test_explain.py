@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.adaptation import Adaptation, Calibration
+from moar_companion.planner.adaptation import Adaptation, Calibration
 from moar_companion.risk import IndexReport, InputReport
 from moar_companion.risk.explain import (
     WeightsReason,
@@ -19,9 +19,9 @@ from moar_companion.risk.explain import (
     risk_dict,
 )
 from moar_companion.risk.input_reports import YES_OR_NO
-from moar_companion.risk_model import RiskModel
+from moar_companion.settings.risk_model import RiskModel
+from moar_companion.settings.vehicle import AdaptationKind
 from moar_companion.types import RiskIndices, Weights
-from moar_companion.vehicle import AdaptationKind
 
 EQUAL = Weights.normalised(1, 1, 1)
 

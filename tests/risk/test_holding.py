@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from moar_companion import autopilots
-from moar_companion.autopilots.parameter_names import Parameters
-from moar_companion.config import Supervision
-from moar_companion.preflight.findings import Level
-from moar_companion.preflight.risks import held_wind_finding
+from moar_companion.companion.preflight.findings import Level
+from moar_companion.companion.preflight.risks import held_wind_finding
+from moar_companion.mavlink import autopilots
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
+from moar_companion.mavlink.telemetry import Attitude, Telemetry
 from moar_companion.risk.holding import held_wind_mps, is_saturated, tilt_limit
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import Attitude, Telemetry
+from moar_companion.settings.config import Supervision
+from moar_companion.settings.risk_model import RiskModel
 from moar_companion.types import ARDUPILOT, PX4
 from tests.vehicles import named_vehicle
 

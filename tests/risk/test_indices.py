@@ -7,12 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion import autopilots
-from moar_companion.power import Demands
-from moar_companion.radio import Radio
-from moar_companion.risk import RiskEstimate, update
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import (
+from moar_companion.mavlink import autopilots
+from moar_companion.mavlink.radio import Radio
+from moar_companion.mavlink.telemetry import (
     Attitude,
     AutopilotStatus,
     Battery,
@@ -33,6 +30,9 @@ from moar_companion.telemetry import (
     Telemetry,
     Wind,
 )
+from moar_companion.risk import RiskEstimate, update
+from moar_companion.risk.power import Demands
+from moar_companion.settings.risk_model import RiskModel
 from moar_companion.types import UNKNOWN, GeodeticPoint
 
 INDICES = ("wind", "communication", "localization", "battery")

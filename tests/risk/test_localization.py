@@ -7,10 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion.mavlink.telemetry import (
+    Estimator,
+    LandedState,
+    MagneticField,
+    Odometry,
+    Telemetry,
+)
 from moar_companion.risk import localization
 from moar_companion.risk.localization import LocalizationMemory, remember
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import Estimator, LandedState, MagneticField, Odometry, Telemetry
+from moar_companion.settings.risk_model import RiskModel
 
 
 def test_a_good_fix_settles_to_no_risk(flight):

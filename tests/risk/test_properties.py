@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import Battery, LinkNode, LinkStatistics, Odometry
+from moar_companion.mavlink.telemetry import Battery, LinkNode, LinkStatistics, Odometry
+from moar_companion.settings.risk_model import RiskModel
 
 INDICES = ("wind", "communication", "localization", "battery")
 MODEL = RiskModel(cells=4)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion.mavlink.telemetry import Gnss, Telemetry
 from moar_companion.risk import InputReport
 from moar_companion.risk.receivers import ReceiverMemory, receiver_inputs, trouble
-from moar_companion.risk_model import RiskModel
-from moar_companion.telemetry import Gnss, Telemetry
+from moar_companion.settings.risk_model import RiskModel
 
 MODEL = RiskModel()
 NOW_S = 100.0

@@ -12,8 +12,8 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.commands.replay import played
-from moar_companion.config import shipped_configs
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED, packets
 
 TRACES = SHARED / "traces"

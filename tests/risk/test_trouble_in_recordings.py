@@ -14,7 +14,7 @@ from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.passive_listener import PassiveListener
 from moar_companion.mavlink.tlog import Tlog
 from moar_companion.risk import RiskEstimate, update
-from moar_companion.risk_model import RiskModel
+from moar_companion.settings.risk_model import RiskModel
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 STEP_S = 0.1

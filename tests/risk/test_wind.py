@@ -8,12 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from moar_companion.mavlink.telemetry import (
+    Attitude,
+    Landed,
+    LandedState,
+    MotorOutputs,
+    MotorSpeeds,
+    Wind,
+)
 from moar_companion.risk import InputReport
 from moar_companion.risk.braking import GRAVITY_MPS2
 from moar_companion.risk.drag import deceleration_mps2
 from moar_companion.risk.wind import Spread, WindMemory, remember, strongest
-from moar_companion.risk_model import Range, RiskModel
-from moar_companion.telemetry import Attitude, Landed, LandedState, MotorOutputs, MotorSpeeds, Wind
+from moar_companion.settings.risk_model import Range, RiskModel
 
 from .test_braking import every_tenth
 

@@ -5,14 +5,10 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import replace
 
-from moar_companion.config import Supervision
-from moar_companion.estimation.pose import Pose
-from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskReport
-from moar_companion.risk.localization import LocalizationMemory
-from moar_companion.risk.receivers import ReceiverMemory
-from moar_companion.safety.check_inputs import CheckInputs, EscapeRoute, Host
-from moar_companion.safety.checks import causes
-from moar_companion.telemetry import (
+from moar_companion.companion.estimation.pose import Pose
+from moar_companion.companion.safety.check_inputs import CheckInputs, EscapeRoute, Host
+from moar_companion.companion.safety.checks import causes
+from moar_companion.mavlink.telemetry import (
     Attitude,
     Battery,
     Estimator,
@@ -24,6 +20,10 @@ from moar_companion.telemetry import (
     PeerHeartbeat,
     Telemetry,
 )
+from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskReport
+from moar_companion.risk.localization import LocalizationMemory
+from moar_companion.risk.receivers import ReceiverMemory
+from moar_companion.settings.config import Supervision
 from moar_companion.types import Mission, RiskIndices
 
 from .telemetry import px4_status

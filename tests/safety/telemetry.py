@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from moar_companion.telemetry import AutopilotStatus
+from moar_companion.mavlink.telemetry import AutopilotStatus
 from moar_companion.types import PX4
 
 OFFBOARD = 0x00060000

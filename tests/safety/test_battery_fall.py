@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.telemetry import Battery, Telemetry
+from moar_companion.mavlink.telemetry import Battery, Telemetry
 
 from .test_failsafe_exposure import ABOVE, LANDS, REACH, meter, watching
 

@@ -9,13 +9,19 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.companion.safety.autopilot_failsafe import reported
+from moar_companion.companion.safety.check_inputs import Host
+from moar_companion.companion.safety.condition_types import Causes
+from moar_companion.mavlink.telemetry import (
+    Failsafe,
+    Landed,
+    LandedState,
+    LinkStatistics,
+    Readiness,
+)
 from moar_companion.perception.lidar_scan import PacketFault
 from moar_companion.perception.perception_report import SensorHealth
-from moar_companion.perception_config import Perception, Sensor
-from moar_companion.safety.autopilot_failsafe import reported
-from moar_companion.safety.check_inputs import Host
-from moar_companion.safety.condition_types import Causes
-from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics, Readiness
+from moar_companion.settings.perception_config import Perception, Sensor
 from moar_companion.types import ARDUPILOT
 
 from .seen import (

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.companion.safety.condition_types import Causes
+from moar_companion.companion.safety.position_checks import widening_m
+from moar_companion.mavlink.telemetry import Landed, LandedState, PeerHeartbeat
+from moar_companion.planner.site import Margin
 from moar_companion.risk.wind import USUAL_DRAG
-from moar_companion.safety.condition_types import Causes
-from moar_companion.safety.position_checks import widening_m
-from moar_companion.site import Margin
-from moar_companion.telemetry import Landed, LandedState, PeerHeartbeat
 from moar_companion.types import Mission
 
 from .seen import (

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import moar_companion
-from moar_companion.config import Supervision
-from moar_companion.safety.checks import causes
-from moar_companion.safety.condition_texts import TEXTS, action_words, examples, filled
-from moar_companion.safety.condition_types import Action, Override
-from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.text_format import without_details
+from moar_companion.companion.safety.checks import causes
+from moar_companion.companion.safety.condition_texts import TEXTS, action_words, examples, filled
+from moar_companion.companion.safety.condition_types import Action, Override
+from moar_companion.companion.safety.conditions import CONDITIONS
+from moar_companion.settings.config import Supervision
+from moar_companion.texts.text_format import without_details
 from tests.condition_actions import all_actions
 
 from .seen import NOW_S

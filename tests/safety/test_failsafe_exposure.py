@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.failsafe_actions import AutopilotAction, Trigger
-from moar_companion.autopilots.parameter_names import Parameters
-from moar_companion.config import Supervision
+from moar_companion.companion.safety.failsafe_exposure import FailsafeExposure
+from moar_companion.companion.safety.failsafe_paths import STAYS, paths
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.failsafe_actions import AutopilotAction, Trigger
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
+from moar_companion.mavlink.telemetry import Battery, PeerHeartbeat, Telemetry
 from moar_companion.planner.free_distance import FreeDistance
-from moar_companion.power import Meter, PowerModel
-from moar_companion.safety.failsafe_exposure import FailsafeExposure
-from moar_companion.safety.failsafe_paths import STAYS, paths
-from moar_companion.telemetry import Battery, PeerHeartbeat, Telemetry
+from moar_companion.risk.power import Meter, PowerModel
+from moar_companion.settings.config import Supervision
 from moar_companion.types import ARDUPILOT, PX4
 
 from ..planner.problems import conductor, make_site, make_vehicle

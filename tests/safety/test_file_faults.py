@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.safety.check_inputs import Host
-from moar_companion.safety.file_faults import FileFault, FileFaultTexts, words
-from moar_companion.telemetry import PeerHeartbeat
+from moar_companion.companion.safety.check_inputs import Host
+from moar_companion.companion.safety.file_faults import FileFault, FileFaultTexts, words
+from moar_companion.mavlink.telemetry import PeerHeartbeat
 
 from ..companion.desk import Desk
 

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.config import shipped_configs
+from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.companion.safety.obstacle_inflation import STEP_M, ObstacleInflation
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.safety.obstacle_inflation import STEP_M, ObstacleInflation
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from tests.vehicles import named_vehicle
 
 LOOK_S = 0.02

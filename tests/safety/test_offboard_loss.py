@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
-from moar_companion.autopilots import profile
-from moar_companion.autopilots.failsafe_actions import AutopilotAction
-from moar_companion.autopilots.parameter_names import Parameters
+from moar_companion.companion.safety.failsafe_paths import first_hit, loss_objection
+from moar_companion.mavlink.autopilots import profile
+from moar_companion.mavlink.autopilots.failsafe_actions import AutopilotAction
+from moar_companion.mavlink.autopilots.parameter_names import Parameters
 from moar_companion.planner.free_distance import FreeDistance
-from moar_companion.safety.failsafe_paths import first_hit, loss_objection
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 from sitl.autopilot import FakeAutopilot, Options
 from tests.thorough import sampled

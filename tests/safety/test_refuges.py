@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.safety.refuges import BLIND_LEG_M, blind_leg_m
+from moar_companion.companion.safety.refuges import BLIND_LEG_M, blind_leg_m
 from tests.vehicles import named_vehicle
 
 VEHICLE = named_vehicle("linedrone_uniform")

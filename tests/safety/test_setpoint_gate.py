@@ -12,9 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.safety import setpoint_gate
-from moar_companion.safety.condition_texts import TEXTS
-from moar_companion.safety.setpoint_gate import distance_m, distances_m, motion_refusal, refusal
+from moar_companion.companion.safety import setpoint_gate
+from moar_companion.companion.safety.condition_texts import TEXTS
+from moar_companion.companion.safety.setpoint_gate import (
+    distance_m,
+    distances_m,
+    motion_refusal,
+    refusal,
+)
 
 FREE, OCCUPIED = (0, 0), (0, 1)
 OCCUPANCY = np.array([[False, True]])

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.autopilots.failsafe_actions import (
+from moar_companion.companion.safety.failsafe_paths import failsafe_hit, spare_drift_m
+from moar_companion.mavlink.autopilots.failsafe_actions import (
     AutopilotAction,
     FailsafeAction,
     Failsafes,
     Trigger,
 )
 from moar_companion.planner.free_distance import FreeDistance
-from moar_companion.safety.failsafe_paths import failsafe_hit, spare_drift_m
 
 from ..planner.problems import conductor, make_site, random_problem
 

@@ -6,12 +6,12 @@ import dataclasses
 
 import pytest
 
-from moar_companion.config import LinkLoss, Supervision, shipped_configs
-from moar_companion.mission_states import MissionState
-from moar_companion.safety.condition_types import Action, Causes, Override
-from moar_companion.safety.conditions import CONDITIONS, conditions
-from moar_companion.safety.conditions_doc import updated
-from moar_companion.safety.supervisor import HEALTHY, overridden, step
+from moar_companion.companion.mission_states import MissionState
+from moar_companion.companion.safety.condition_types import Action, Causes, Override
+from moar_companion.companion.safety.conditions import CONDITIONS, conditions
+from moar_companion.companion.safety.conditions_doc import updated
+from moar_companion.companion.safety.supervisor import HEALTHY, overridden, step
+from moar_companion.settings.config import LinkLoss, Supervision, shipped_configs
 from moar_companion.types import Mission
 
 ROWS = pytest.mark.parametrize("row", CONDITIONS, ids=lambda row: row.name)
@@ -226,7 +226,7 @@ def test_the_action_of_a_lost_ground_station_is_configured(action):
 
 
 def test_the_tables_of_the_manual_are_made_from_the_code():
-    """To update: `python -m moar_companion.safety.conditions_doc configs/README.md`."""
+    """To update: `python -m moar_companion.companion.safety.conditions_doc configs/README.md`."""
     page = (shipped_configs() / "README.md").read_text()
     assert updated(page) == page
     row = next(line for line in page.splitlines() if line.startswith("| `loop_stall`"))

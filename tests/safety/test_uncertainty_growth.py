@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from moar_companion.safety.uncertainty_growth import AHEAD_S, UncertaintyGrowth
+from moar_companion.companion.safety.uncertainty_growth import AHEAD_S, UncertaintyGrowth
 
 
 def grown(values):

@@ -8,7 +8,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Authority
+from moar_companion.settings.config import Authority
 
 from ..copies import flown_once
 from ..flights.aircraft import STEP_S

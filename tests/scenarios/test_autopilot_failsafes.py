@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import Authority
+from moar_companion.settings.config import Authority
 
 from ..copies import flown_once
 from ..flights.judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space

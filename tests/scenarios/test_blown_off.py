@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from moar_companion.risk_model import RiskModel
+from moar_companion.settings.risk_model import RiskModel
 from sitl.conditions import Conditions
 
 from ..copies import flown_once

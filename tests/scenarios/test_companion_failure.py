@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from moar_companion.config import LossCheck, Supervision
+from moar_companion.settings.config import LossCheck, Supervision
 from tests.thorough import sampled
 
 from ..copies import copy_of

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import Supervision, shipped_configs
+from moar_companion.settings.config import Supervision, shipped_configs
+from moar_companion.settings.vehicle import Power, Vehicle
 from moar_companion.types import Mission
-from moar_companion.vehicle import Power, Vehicle
 from tests.benchmarks.energy import cases, fly
 from tests.thorough import sampled
 

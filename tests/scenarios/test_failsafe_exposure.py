@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import Supervision
+from moar_companion.settings.config import Supervision
 from moar_companion.types import Mission
 
 from ..copies import flown_once

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import Supervision
+from moar_companion.settings.config import Supervision
 from tests.vehicles import named_vehicle
 
 from ..copies import flown_once

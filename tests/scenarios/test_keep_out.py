@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import Supervision, shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import Supervision, shipped_configs
 
 from ..copies import flown_once
 from ..flights.judging import (

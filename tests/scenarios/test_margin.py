@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Polygon, Site, Target
+from moar_companion.planner.site import Polygon, Site, Target
+from moar_companion.settings.config import shipped_configs
 
 from ..copies import flown_once
 from ..flights.judging import (

@@ -9,7 +9,7 @@ from collections import Counter
 import pytest
 
 from moar_companion.companion.mission_executor import MissionExecutor
-from moar_companion.config import Authority
+from moar_companion.settings.config import Authority
 from tests.thorough import sampled
 
 from ..copies import flown_once

@@ -13,8 +13,8 @@ from itertools import pairwise
 
 import pytest
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from tests.thorough import sampled
 
 from ..copies import flown_once

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.companion import companion
-from moar_companion.config import FASTEST_HZ, SLOWEST_HZ
 from moar_companion.service import app
+from moar_companion.settings.config import FASTEST_HZ, SLOWEST_HZ
 from tests.thorough import sampled
 
 from ..flights import aircraft

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import LinkLoss, Supervision
+from moar_companion.settings.config import LinkLoss, Supervision
 from sitl.conditions import GPS_NO_FIX
 
 from ..copies import flown_once

@@ -11,7 +11,7 @@ from functools import partial
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import shipped_configs
+from moar_companion.settings.config import shipped_configs
 from tests.one_line import one_line
 from tests.processes import companion
 from tests.stopped import stopped_pipe

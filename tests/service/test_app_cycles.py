@@ -18,13 +18,12 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
-from moar_companion.config import CompanionConfig, RecorderSettings, shipped_configs
-from moar_companion.link_config import LinkConfig
-from moar_companion.outlets import background_writer, recorder
-from moar_companion.safety.check_inputs import Host
-from moar_companion.service import app, host_monitor
+from moar_companion.companion.safety.check_inputs import Host
+from moar_companion.service import app, background_writer, host_monitor, recorder
 from moar_companion.service.app import Service
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import CompanionConfig, RecorderSettings, shipped_configs
+from moar_companion.settings.link_config import LinkConfig
+from moar_companion.settings.vehicle import Vehicle
 from tests.stopped import stop_recordings
 
 VEHICLE = shipped_configs() / "vehicles" / "x500.yaml"

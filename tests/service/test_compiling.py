@@ -12,12 +12,12 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.planner.planner import Planner
+from moar_companion.planner.site import Site
 from moar_companion.service import compiling
-from moar_companion.site import Site
-from moar_companion.vehicle import Vehicle
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from tests.processes import companion as process
 
 SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"

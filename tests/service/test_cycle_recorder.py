@@ -9,10 +9,10 @@ import math
 import pytest
 
 from moar_companion.companion.reports import Decision
-from moar_companion.config import CompanionConfig, RecorderSettings, shipped_configs
-from moar_companion.recording.calls import RecordedCompanion
 from moar_companion.service.cycle_recorder import CycleRecorder
-from moar_companion.vehicle import Vehicle
+from moar_companion.service.recording.calls import RecordedCompanion
+from moar_companion.settings.config import CompanionConfig, RecorderSettings, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 
 VEHICLE = shipped_configs() / "vehicles" / "x500.yaml"
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from moar_companion.config import CompanionConfig, RecorderSettings
 from moar_companion.service.directories import recorder_folder
+from moar_companion.settings.config import CompanionConfig, RecorderSettings
 
 STATE = "/var/lib/moar-companion"
 

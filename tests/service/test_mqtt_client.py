@@ -13,14 +13,14 @@ import time
 import aiomqtt
 import pytest
 
-from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.mqtt import reconnecting
-from moar_companion.mqtt.orders import signed_order
-from moar_companion.mqtt.payloads import OrderPayload
-from moar_companion.mqtt.topics import TOPICS
-from moar_companion.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
 from moar_companion.service import mqtt_client, mqtt_publisher
+from moar_companion.service.mqtt import reconnecting
+from moar_companion.service.mqtt.orders import signed_order
+from moar_companion.service.mqtt.payloads import OrderPayload
+from moar_companion.service.mqtt.topics import TOPICS
 from moar_companion.service.mqtt_publisher import open_publisher
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
 from sitl.demonstration.broker import Certificates, free_tcp_port, running_broker
 from tests.processes import companion
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import CompanionConfig
 from moar_companion.errors import InputError
-from moar_companion.mqtt_config import Mqtt, MqttCommands, broker_address
 from moar_companion.service.mqtt_settings import SettingNames, read_broker, read_order_key
+from moar_companion.settings.config import CompanionConfig
+from moar_companion.settings.mqtt_config import Mqtt, MqttCommands, broker_address
 
 from ..mqtt.brokers import CERTIFICATES, private
 

@@ -6,17 +6,17 @@ import contextlib
 
 import pytest
 
-from moar_companion.config import CompanionConfig
 from moar_companion.errors import InputError
-from moar_companion.link_config import KeySource, LinkConfig
-from moar_companion.perception_config import Perception, Sensor
 from moar_companion.service.optional_parts import open_perception, open_signing
+from moar_companion.settings.config import CompanionConfig
+from moar_companion.settings.link_config import KeySource, LinkConfig
+from moar_companion.settings.perception_config import Perception, Sensor
 
 from ..mavlink.signed import SECRET
 from ..processes import output_of
 
 OPTIONAL = {
-    "moar_companion.recording.calls",
+    "moar_companion.service.recording.calls",
     "moar_companion.service.cycle_recorder",
     "moar_companion.service.mqtt_publisher",
     "moar_companion.service.perception_process",

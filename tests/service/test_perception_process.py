@@ -13,14 +13,14 @@ from time import monotonic
 import numpy as np
 import pytest
 
-from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError, LinkError
 from moar_companion.mavlink.link_basics import clock_s
 from moar_companion.perception.pose_notes import AttitudeNote, PositionNote
 from moar_companion.perception.scan_frame import mount_rotation
-from moar_companion.perception_config import Perception, Sensor
+from moar_companion.planner.site import Site
 from moar_companion.service.perception_process import PerceptionProcess
-from moar_companion.site import Site
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.perception_config import Perception, Sensor
 from sitl.lidar import PACKET_S, LidarScene, SimulatedLidar, Wire
 
 SITE = Site.load(shipped_configs() / "sites/315kv_double_circuit.yaml")

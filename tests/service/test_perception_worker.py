@@ -9,12 +9,12 @@ import os
 
 import pytest
 
-from moar_companion.config import shipped_configs
 from moar_companion.perception.perception_report import PerceptionReport
-from moar_companion.perception_config import Perception
+from moar_companion.planner.site import Polygon, Site
 from moar_companion.service.perception_process import Setup
 from moar_companion.service.perception_worker import _Worker
-from moar_companion.site import Polygon, Site
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.perception_config import Perception
 
 SITE = Site.load(shipped_configs() / "sites/315kv_double_circuit.yaml")
 SOLID = Polygon(name="seen", vertices_m=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from pymavlink import mavutil
 
-from moar_companion.config import shipped_configs
+from moar_companion.settings.config import shipped_configs
 from sitl.demonstration.processes import free_ports
 from tests.processes import companion, simulator
 

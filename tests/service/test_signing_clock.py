@@ -9,8 +9,6 @@ import os
 
 import pytest
 
-from moar_companion.config import CompanionConfig, State
-from moar_companion.link_config import KeySource, LinkConfig
 from moar_companion.mavlink.signing import (
     LATEST_TIMESTAMP,
     UNITS_PER_S,
@@ -19,6 +17,8 @@ from moar_companion.mavlink.signing import (
     timestamp_at,
 )
 from moar_companion.service.signing_clock import SigningClock, load_signing
+from moar_companion.settings.config import CompanionConfig, State
+from moar_companion.settings.link_config import KeySource, LinkConfig
 
 from ..mavlink.signed import SECRET, SignedPeer
 

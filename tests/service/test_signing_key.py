@@ -6,10 +6,10 @@ import os
 
 import pytest
 
-from moar_companion.config import CompanionConfig
 from moar_companion.errors import InputError
-from moar_companion.link_config import KeySource, LinkConfig
 from moar_companion.service.signing_key import read_signing_key
+from moar_companion.settings.config import CompanionConfig
+from moar_companion.settings.link_config import KeySource, LinkConfig
 
 from ..mavlink.signed import SECRET
 

@@ -11,10 +11,9 @@ import time
 
 import pytest
 
+from moar_companion.companion.mission.state_machine import MissionState, Task
 from moar_companion.companion.mission_snapshot import MissionSnapshot
-from moar_companion.mission.state_machine import MissionState, Task
-from moar_companion.outlets import background_writer
-from moar_companion.service import snapshot_file
+from moar_companion.service import background_writer, snapshot_file
 from moar_companion.service.snapshot_file import SnapshotFile, decoded, encoded
 from moar_companion.types import Mission
 

@@ -19,7 +19,7 @@ from PIL import Image
 from pymavlink import mavutil
 
 from moar_companion import Site
-from moar_companion.config import shipped_configs
+from moar_companion.settings.config import shipped_configs
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.flight_folder import gather, link_latest
 from sitl.demonstration.judge import read_truth

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import shipped_configs
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from sitl.autopilot import FakeAutopilot, Options
 from sitl.demonstration.judge import FlightTruth, judge, read_truth
 from sitl.truth_log import TruthLog

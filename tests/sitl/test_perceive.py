@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.errors import InputError
-from moar_companion.perception_config import Sensor
-from moar_companion.site import Conductor, Polygon, Site
+from moar_companion.planner.site import Conductor, Polygon, Site
+from moar_companion.settings.config import CompanionConfig, shipped_configs
+from moar_companion.settings.perception_config import Sensor
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.perceive import (
     ADDED,

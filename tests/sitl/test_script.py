@@ -7,9 +7,9 @@ from itertools import pairwise
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import shipped_configs
-from moar_companion.outlets.flight_picture import FlightStory
-from moar_companion.site import Site
+from moar_companion.analysis.pictures.flight_picture import FlightStory
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import shipped_configs
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.judge import FlightTruth, judge
 from sitl.demonstration.manners import MANNERS

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import yaml
 
-from moar_companion.config import default_vehicle
 from moar_companion.perception.spans import find_power_line
+from moar_companion.perception.survey.cross_section import site_of_cloud
+from moar_companion.perception.survey.site_document import SiteOptions, SurveyError, site_text
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Conductor, Polygon, Site
-from moar_companion.survey.cross_section import site_of_cloud
-from moar_companion.survey.site_document import SiteOptions, SurveyError, site_text
+from moar_companion.planner.site import Conductor, Polygon, Site
+from moar_companion.settings.config import default_vehicle
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import GeodeticPoint, Mission
-from moar_companion.vehicle import Vehicle
 from tests.perception.scenes import DOUBLE_CIRCUIT, Scene, Wire
 
 AT = GeodeticPoint(latitude_deg=45.4, longitude_deg=-71.9, altitude_amsl_m=200.0)

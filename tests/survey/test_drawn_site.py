@@ -7,17 +7,17 @@ from itertools import pairwise
 
 import pytest
 
-from moar_companion.config import default_vehicle, shipped_configs
 from moar_companion.errors import InputError
-from moar_companion.frames import SiteFrame
+from moar_companion.perception.survey.drawn_site import features_of_site, site_of_features
+from moar_companion.perception.survey.map_features import features_of, geojson_of, kml_of
+from moar_companion.perception.survey.qgc_plan import qgc_plan_of
+from moar_companion.perception.survey.site_document import SiteOptions, site_text
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Conductor, Polygon, Site
-from moar_companion.survey.drawn_site import features_of_site, site_of_features
-from moar_companion.survey.map_features import features_of, geojson_of, kml_of
-from moar_companion.survey.qgc_plan import qgc_plan_of
-from moar_companion.survey.site_document import SiteOptions, site_text
+from moar_companion.planner.site import Conductor, Polygon, Site
+from moar_companion.planner.site_frame import SiteFrame
+from moar_companion.settings.config import default_vehicle, shipped_configs
+from moar_companion.settings.vehicle import Vehicle
 from moar_companion.types import GeodeticPoint, Mission
-from moar_companion.vehicle import Vehicle
 
 SITES = sorted((shipped_configs() / "sites").glob("*.yaml"))
 FRAME = SiteFrame(

@@ -16,8 +16,8 @@ import llvmlite.binding
 import numba
 import numpy as np
 
-from moar_companion.recording.calls import call_encoded
-from moar_companion.replay.exact import ExactReplay
+from moar_companion.analysis.replay.exact import ExactReplay
+from moar_companion.service.recording.calls import call_encoded
 from tests import traces
 
 from ..flights.lockstep import Lockstep

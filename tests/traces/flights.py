@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from moar_companion.config import Authority, Supervision
+from moar_companion.settings.config import Authority, Supervision
 
 from ..flights.campaign.drawing import Draw, draw
 from ..flights.campaign.flying import RandomFlight, Stopped

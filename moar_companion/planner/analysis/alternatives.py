@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...adaptation import Adaptation
 from ...types import RiskIndices, Weights
+from ..adaptation import Adaptation
 from ..plan_values import Plan, PlanRequest
 from ..planner import Planner
 

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ...site import Site
 from ...types import Mission
 from ..geometry import obstacle_distance_m
 from ..graph import Graph
@@ -23,6 +22,7 @@ from ..maps import Maps
 from ..plan_values import Metrics, PlanRequest, PlanStatus, Waypoints, trajectory
 from ..planner import Planner
 from ..regions import LandingLeg, goal_region, landing_leg
+from ..site import Site
 
 _TIE = 1e-6
 """Cost per metre of roadmap, to choose among connectors of equal length."""

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ...adaptation import Adaptation
 from ...types import RiskIndices, Weights
+from ..adaptation import Adaptation
 from ..grid import FloatArray
 from ..plan_values import Plan, PlanRequest
 from ..planner import Planner

@@ -6,8 +6,8 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from moar_companion.config import Authority
-from moar_companion.site import Site
+from moar_companion.planner.site import Site
+from moar_companion.settings.config import Authority
 
 from ..operator import EVACUATION, EXIT, INSPECTION, Manner
 from .kinds import KINDS

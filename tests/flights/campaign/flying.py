@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from shapely.geometry import Point
 
-from moar_companion.config import Authority
-from moar_companion.error_margin import measured_margin
-from moar_companion.mqtt_config import Mqtt, MqttCommands
-from moar_companion.safety.setpoint_gate import distance_m
-from moar_companion.vehicle import Vehicle, YawMode
+from moar_companion.companion.error_margin import measured_margin
+from moar_companion.companion.safety.setpoint_gate import distance_m
+from moar_companion.settings.config import Authority
+from moar_companion.settings.mqtt_config import Mqtt, MqttCommands
+from moar_companion.settings.vehicle import Vehicle, YawMode
 from sitl.geodesy import Geodetic, TrueFrame
 from sitl.manners import KINDS as AUTOPILOTS
 from sitl.quadrotor import GRAVITY_MPS2, wrap_pi

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from moar_companion.site import Conductor, Obstacle, Site
+from moar_companion.planner.site import Conductor, Obstacle, Site
 
 from . import (
     AFTERMATH_S,

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.patches import Circle
 from matplotlib.patches import Polygon as Outline
 
-from moar_companion.evaluation.figures.drawing import new_figure
-from moar_companion.site import Conductor, Site
+from moar_companion.analysis.evaluation.figures.drawing import new_figure
+from moar_companion.planner.site import Conductor, Site
 
 from .flying import Record
 from .judge import Judgement, controlled

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from moar_companion.evaluation.figures.drawing import Picture, new_figure, picture
-from moar_companion.evaluation.report import ReportSection, document
-from moar_companion.evaluation.tables import Table
+from moar_companion.analysis.evaluation.figures.drawing import Picture, new_figure, picture
+from moar_companion.analysis.evaluation.report import ReportSection, document
+from moar_companion.analysis.evaluation.tables import Table
 
 from .batch import Row
 from .kinds import KINDS

@@ -9,10 +9,10 @@ from dataclasses import replace
 import shapely
 from shapely.geometry import Point
 
-from moar_companion.config import Supervision, shipped_configs
-from moar_companion.error_margin import margin_of
-from moar_companion.frames import SiteFrame
-from moar_companion.site import Conductor, Obstacle, Polygon, Site, Target, Workspace
+from moar_companion.companion.error_margin import margin_of
+from moar_companion.planner.site import Conductor, Obstacle, Polygon, Site, Target, Workspace
+from moar_companion.planner.site_frame import SiteFrame
+from moar_companion.settings.config import Supervision, shipped_configs
 from moar_companion.types import GeodeticPoint, Mission
 from tests.vehicles import named_vehicle
 

@@ -6,8 +6,8 @@ import math
 import random
 from dataclasses import dataclass
 
-from moar_companion.frames import SiteFrame
-from moar_companion.site import PlanePoint, Site, Target, Workspace
+from moar_companion.planner.site import PlanePoint, Site, Target, Workspace
+from moar_companion.planner.site_frame import SiteFrame
 from moar_companion.types import GeodeticPoint, Mission
 from sitl.geodesy import Geodetic
 from sitl.lidar import Box, LidarScene, Tree, Wire

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from moar_companion.vehicle import YawMode
+from moar_companion.settings.vehicle import YawMode
 from sitl.autopilot import Truth
 from sitl.geodesy import Geodetic, TrueFrame
 from tests.vehicles import named_vehicle

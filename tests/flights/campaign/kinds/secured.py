@@ -7,9 +7,9 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.mavlink.order_link import OrderLink
-from moar_companion.mqtt.orders import OrderChecks, RefusedOrder, signed_order
-from moar_companion.mqtt.payloads import OrderPayload
-from moar_companion.mqtt_config import ORDER_LINK
+from moar_companion.service.mqtt.orders import OrderChecks, RefusedOrder, signed_order
+from moar_companion.service.mqtt.payloads import OrderPayload
+from moar_companion.settings.mqtt_config import ORDER_LINK
 from tests.mavlink.signed import OTHER_SECRET, SECRET
 
 from .. import packets

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from moar_companion.safety.check_inputs import Host
+from moar_companion.companion.safety.check_inputs import Host
 from sitl.geodesy import FlatProjection, SphereProjection
 
 from ...operator import Manner

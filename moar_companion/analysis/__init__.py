@@ -1,0 +1,1 @@
+"""Before and after a flight, never in it: replay, the paper's experiments, pictures."""

@@ -1,0 +1,308 @@
+"""Pose tracker: pose of the aircraft and jumps of its estimate; telemetry in, values out."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...mavlink.telemetry import Attitude, LandedState, Telemetry
+from ...planner.maps import Maps
+from ...planner.regions import obstacle_clearance_m, obstacle_room_m
+from ...planner.site import Site
+from ...types import AutopilotKind, GeodeticPoint, Vector
+from .frame_agreement import FrameAgreement
+from .plane_to_local import PlaneToLocal
+from .pose import Jump, Pose
+
+LANDED_TIMEOUT_S = 5.0
+"""EXTENDED_SYS_STATE comes at 5 Hz; on a slow link at less than 1 Hz."""
+_JUMP_M = 0.5
+"""A position farther than this from the velocity's prediction has jumped: the estimator was
+reset. In flight PX4's own estimate wanders by centimetres."""
+_RESET_JUMP_M = 0.1
+"""Least step of a jump with a reported reset of the estimator. In PX4's recordings the position
+moves by up to 0.02 m when only the heading is reset."""
+_RESET_WITHIN_S = 0.3
+"""Time between a position step and the report of the reset: ODOMETRY comes at 5 Hz or more."""
+_JUMPS_WITHIN_S = 10.0
+_TURN_RAD = 0.1
+"""Step of the heading beyond the turn rate's prediction that means a reset. In recordings of both
+autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's heading was reset by
+0.43."""
+_TURN_WITHIN_S = 0.2
+"""ATTITUDE comes at 20 Hz or more, on a slow link at 10: over longer times rates are too coarse."""
+_WINDOW_S = 5.0
+"""Length of a window; the latest two count. PX4's simulator clock is 1 % slow: 0.1 s in both."""
+_MOST_JUMPS = 100
+"""Maximum number of jumps kept, of an estimator that jumps continuously."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteMaps:
+    """Site and maps of a companion that plans."""
+
+    site: Site
+    maps: Maps
+
+    def clearance_m(self, pose: Pose, radius_m: float) -> float | None:
+        """Distance from a hull at a place to the nearest obstacle; None if there is none."""
+        clearance_m = float(obstacle_clearance_m(self.site, np.array(pose.position_m[::2])))
+        return clearance_m - radius_m if self.site.obstacles else None
+
+    def room_m(self, pose: Pose, radius_m: float) -> float | None:
+        """Distance from a hull at a place to the nearest keep-out; None without an obstacle.
+
+        The place is the aircraft's own, so the tracking margin does not apply. The place itself
+        counts: on the border of two cells the cells' values would alternate.
+        """
+        room_m = float(obstacle_room_m(self.site, np.array(pose.position_m[::2])))
+        return room_m + self.site.margin.tracking_m - radius_m if self.site.obstacles else None
+
+    def dwell_s(self, stops: tuple[str, ...]) -> float:
+        """Time to stay at the first of a task's targets; 0 without one."""
+        return self.site.target(stops[0]).dwell_s if stops else 0.0
+
+
+class PoseTracker:
+    """Reads telemetry for a companion on a site.
+
+    kind: the autopilot whose projection its local frame has; None: taken from its heartbeat.
+    Keeps the map between the two frames, and the time when the position last advanced.
+    """
+
+    def __init__(self, site: Site | None, kind: AutopilotKind | None) -> None:
+        self._site = site
+        self._kind = kind
+        self._plane: PlaneToLocal | None = None
+        self._plane_of: tuple[GeodeticPoint, AutopilotKind] | None = None
+        self._telemetry: Telemetry | None = None
+        self._pose: Pose | None = None
+        self._attitude: Attitude | None = None
+        self._home_m: Vector | None = None
+        self.agreement = FrameAgreement()
+        """Agreement of the local position with its origin, the global one, and home."""
+        self._position_boot_s = -math.inf
+        self._position_moved_s = -math.inf
+        self._position_late_s = 0.0
+        self._clock_ahead_s = math.inf
+        """Lead of our clock over the position's clock, when the fastest position arrived."""
+        self._recent_ahead_s = (math.inf, math.inf)
+        """Lead of our clock in the window before the present one, and in the present one."""
+        self._window_s = -math.inf
+        """Start of the present window."""
+        self._jumps: deque[tuple[float, float]] = deque(maxlen=_MOST_JUMPS)
+        self._reset_counter: int | None = None
+        self._reset_s = -math.inf
+        self._step: tuple[float, Vector] | None = None
+        """Time and size of the last position step that the velocity does not explain."""
+
+    def take_site(self, site: Site) -> None:
+        """Takes the site; the next update gives the pose on it, also by the same telemetry."""
+        self._site, self._plane, self._pose, self._telemetry = site, None, None, None
+
+    @property
+    def plane(self) -> PlaneToLocal | None:
+        """Map from the site's frame to the autopilot's."""
+        return self._plane
+
+    @property
+    def pose(self) -> Pose | None:
+        """Pose of the aircraft in the site's frame; None while that is unknown."""
+        return self._pose
+
+    @property
+    def home_m(self) -> Vector | None:
+        """Home of the autopilot in the site's frame; None while that is unknown."""
+        return self._home_m
+
+    def update(self, telemetry: Telemetry) -> Jump | None:
+        """Takes new telemetry. Returns the jump of position and heading, if there was one."""
+        if telemetry is self._telemetry:
+            return None
+        self._telemetry = telemetry
+        before, self._attitude = self._attitude, telemetry.attitude
+        turn_rad = _reset_turn_rad(before, self._attitude)
+        if telemetry.autopilot is not None:
+            kind = self._kind or telemetry.autopilot.kind
+            self.agreement.update(telemetry, kind, grounded=grounded(telemetry))
+        origin_step_m = self._update_origin(telemetry)
+        step_m = self._update_position(telemetry, origin_step_m)
+        if step_m is None and not any(origin_step_m) and not turn_rad:
+            return None
+        whole_m = origin_step_m if step_m is None else _sum(origin_step_m, step_m)
+        return Jump(step_m=whole_m, origin_step_m=origin_step_m, turn_rad=turn_rad)
+
+    def _update_origin(self, telemetry: Telemetry) -> Vector:
+        """Updates the map. Returns the aircraft's jump in the site's frame that it causes."""
+        before, self._plane = self._plane, self._plane_to_local(telemetry)
+        still, origin = (0.0, 0.0, 0.0), telemetry.local_origin
+        if before is self._plane or before is None or self._plane is None:
+            return still
+        if self._pose is None or origin is None:
+            return still
+        old_m = self._pose.position_m
+        new_m = self._plane.position_from_ned(before.position_to_ned(old_m))
+        step_m = _difference(new_m, old_m)
+        self._jumps.append((origin.received_s, math.hypot(*step_m)))
+        return step_m
+
+    def _update_position(self, telemetry: Telemetry, origin_step_m: Vector) -> Vector | None:
+        """Updates the pose. Returns the jump of the estimate, if there was one."""
+        before, boot_before_s = self._pose, self._position_boot_s
+        position = telemetry.local_position
+        if position is not None and position.boot_s != self._position_boot_s:
+            # A failed estimator may repeat its last message: only its own clock reveals that.
+            ahead_s = position.received_s - position.boot_s
+            restarted = position.boot_s < self._position_boot_s
+            self._clock_ahead_s = ahead_s if restarted else min(self._clock_ahead_s, ahead_s)
+            self._position_late_s = ahead_s - self._clock_ahead_s
+            before_s, recent_s = self._recent_ahead_s
+            if restarted or position.received_s - self._window_s > _WINDOW_S:
+                self._window_s = position.received_s
+                before_s, recent_s = math.inf if restarted else recent_s, math.inf
+            self._recent_ahead_s = before_s, min(recent_s, ahead_s)
+            self._position_boot_s = position.boot_s
+            self._position_moved_s = position.received_s
+        self._pose = self._pose_of(telemetry)
+        home = telemetry.home
+        if home is not None and self._plane is not None:
+            self._home_m = self._plane.position_from_ned(home.position_ned_m)
+        self._detect_reset(telemetry)
+        if before is None or self._pose is None or position is None:
+            return None
+        carried = replace(before, position_m=_sum(before.position_m, origin_step_m))
+        step_m = _unexplained(carried, self._pose, self._position_boot_s - boot_before_s)
+        if math.hypot(*step_m) > _RESET_JUMP_M:
+            self._step = (position.received_s, step_m)
+        return self._jump()
+
+    @property
+    def position_moved_s(self) -> float:
+        """Time when the position, by its own clock, last advanced."""
+        return self._position_moved_s
+
+    @property
+    def position_late_s(self) -> float:
+        """Delay of the last position relative to the fastest one, by its own clock.
+
+        Both clocks are taken to run equally fast.
+        """
+        return self._position_late_s
+
+    def received_s(self, boot_s: float) -> float | None:
+        """Time on our clock at which the autopilot's clock was at `boot_s`; None while unknown.
+
+        As for the fastest position of the last ten seconds: a delay on the link does not count, and
+        clocks that run apart do not either.
+        """
+        ahead_s = min(self._recent_ahead_s)
+        return boot_s + ahead_s if math.isfinite(ahead_s) else None
+
+    def jumped_m(self, now_s: float) -> float:
+        """Total length of the position's jumps within the last 10 s, there and back."""
+        return sum(
+            length_m for time_s, length_m in self._jumps if now_s - time_s <= _JUMPS_WITHIN_S
+        )
+
+    def _detect_reset(self, telemetry: Telemetry) -> None:
+        odometry = telemetry.odometry
+        if odometry is None or odometry.reset_counter == self._reset_counter:
+            return
+        if self._reset_counter is not None:
+            self._reset_s = odometry.received_s
+        self._reset_counter = odometry.reset_counter
+
+    def _jump(self) -> Vector | None:
+        """Returns the last step if it is long enough for a jump, or if a reset accompanied it."""
+        if self._step is None:
+            return None
+        step_s, step_m = self._step
+        length_m = math.hypot(*step_m)
+        if length_m <= _JUMP_M and abs(step_s - self._reset_s) > _RESET_WITHIN_S:
+            return None
+        self._step = None
+        self._jumps.append((step_s, length_m))
+        return step_m
+
+    def _plane_to_local(self, telemetry: Telemetry) -> PlaneToLocal | None:
+        """Returns the map; makes a new one when the estimator's origin moves."""
+        origin, autopilot = telemetry.local_origin, telemetry.autopilot
+        if self._site is None or origin is None or autopilot is None:
+            return None
+        plane_of = (origin.point, self._kind or autopilot.kind)
+        if self._plane is None or self._plane_of != plane_of:
+            self._plane_of = plane_of
+            return PlaneToLocal.between(self._site.frame, *plane_of)
+        return self._plane
+
+    def _pose_of(self, telemetry: Telemetry) -> Pose | None:
+        plane, position, attitude = self._plane, telemetry.local_position, telemetry.attitude
+        if plane is None or position is None or attitude is None:
+            return None
+        return Pose(
+            position_m=plane.position_from_ned(position.position_ned_m),
+            velocity_mps=plane.velocity_from_ned(position.velocity_ned_mps),
+            yaw_rad=attitude.yaw_rad,
+        )
+
+
+def _unexplained(before: Pose, now: Pose, elapsed_s: float) -> Vector:
+    """Part of a step in position that the velocities do not explain."""
+    step = _difference(now.position_m, before.position_m)
+    moved = [
+        0.5 * (new + old) * max(0.0, elapsed_s)
+        for new, old in zip(now.velocity_mps, before.velocity_mps, strict=True)
+    ]
+    x_m, y_m, z_m = (whole - part for whole, part in zip(step, moved, strict=True))
+    return x_m, y_m, z_m
+
+
+def _sum(one_m: Vector, other_m: Vector) -> Vector:
+    x_m, y_m, z_m = (one + other for one, other in zip(one_m, other_m, strict=True))
+    return x_m, y_m, z_m
+
+
+def _difference(after_m: Vector, before_m: Vector) -> Vector:
+    x_m, y_m, z_m = (after - before for after, before in zip(after_m, before_m, strict=True))
+    return x_m, y_m, z_m
+
+
+def _reset_turn_rad(before: Attitude | None, now: Attitude | None) -> float:
+    """Step in heading that the turn rates do not explain; 0 without one."""
+    if before is None or now is None or before.boot_s is None or now.boot_s is None:
+        return 0.0
+    if before.yaw_rate_radps is None or now.yaw_rate_radps is None:
+        return 0.0
+    elapsed_s = now.boot_s - before.boot_s
+    if not 0.0 < elapsed_s <= _TURN_WITHIN_S:
+        return 0.0
+    turned_rad = 0.5 * (before.yaw_rate_radps + now.yaw_rate_radps) * elapsed_s
+    turn_rad = math.remainder(now.yaw_rad - before.yaw_rad - turned_rad, math.tau)
+    return turn_rad if abs(turn_rad) > _TURN_RAD else 0.0
+
+
+def airborne(telemetry: Telemetry, now_s: float) -> bool:
+    """True if armed and known to be in the air; False in take-off and landing.
+
+    Setpoints between the acknowledgement of a take-off and lift-off cancel ArduPilot's take-off;
+    a stream during a landing makes PX4 resume OFFBOARD. A landing counts in a landing mode only:
+    EXTENDED_SYS_STATE still reports the landing that a new mode has just ended (measured on
+    ArduCopter 4.6.3: for 40 to 110 ms, and up to 200 ms at its rate).
+    """
+    autopilot, landed = telemetry.autopilot, telemetry.landed
+    if autopilot is None or not autopilot.armed or landed is None:
+        return False
+    ended = landed.state is LandedState.LANDING and not autopilot.homeward
+    in_air = landed.state is LandedState.IN_AIR or ended
+    return in_air and now_s - landed.received_s <= LANDED_TIMEOUT_S
+
+
+def grounded(telemetry: Telemetry) -> bool:
+    """True if disarmed, or known to be on the ground; False if both are unknown."""
+    autopilot, landed = telemetry.autopilot, telemetry.landed
+    if autopilot is not None and not autopilot.armed:
+        return True
+    return landed is not None and landed.state is LandedState.ON_GROUND

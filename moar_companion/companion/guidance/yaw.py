@@ -1,0 +1,63 @@
+"""Heading of the aircraft: along the path, to the inspected object, or fixed."""
+
+from __future__ import annotations
+
+import math
+
+from ...planner.plan_values import Plan
+from ...planner.site import Site, Target
+from ...settings.vehicle import Guidance, YawMode
+from ...types import Mission, Vector
+from ..estimation.plane_to_local import PlaneToLocal
+from ..estimation.pose import Pose
+
+_LEAST_PATH_MPS = 0.1
+"""Minimum setpoint speed at which the path has a direction."""
+_LOOK_FROM_M = 1.0
+"""Minimum distance to the inspected point; nearer, its direction is undefined: heading kept."""
+
+
+def wanted_yaw_rad(
+    site: Site,
+    guidance: Guidance,
+    plan: Plan | None,
+    pose: Pose,
+    plane: PlaneToLocal,
+    *,
+    velocity_mps: Vector,
+    arrived: bool,
+) -> float | None:
+    """Heading from north that a flight should have; None to keep the present one.
+
+    velocity_mps: of the setpoint. arrived: at the plan's end.
+    """
+    if guidance.yaw_mode is YawMode.FIXED:
+        return guidance.fixed_yaw_rad
+    if plan is None:
+        return None
+    if guidance.yaw_mode is YawMode.PATH:
+        return _yaw_rad(velocity_mps, plane, _LEAST_PATH_MPS)
+    x_m, y_m, _ = pose.position_m
+    target = _target(site, plan)
+    if target is None:
+        end = plan.waypoints.position_m[-1]
+        return _yaw_rad((float(end[0]) - x_m, -y_m, 0.0), plane, _LOOK_FROM_M)
+    if arrived and target.yaw_deg is not None:
+        return math.radians(target.yaw_deg)
+    look_at = target.look_at_m or target.position_m
+    return _yaw_rad((look_at[0] - x_m, -y_m, 0.0), plane, _LOOK_FROM_M)
+
+
+def _target(site: Site, plan: Plan) -> Target | None:
+    """The target of an inspection's plan; None for other missions."""
+    if plan.mission is not Mission.INSPECTION:
+        return None
+    return site.target(str(plan.request.target))
+
+
+def _yaw_rad(direction: Vector, plane: PlaneToLocal, least: float) -> float | None:
+    """The heading of a direction in the site's frame; None where it is shorter than `least`."""
+    if math.hypot(direction[0], direction[1]) < least:
+        return None
+    north, east, _ = plane.velocity_to_ned(direction)
+    return math.atan2(east, north)

@@ -1,0 +1,396 @@
+"""A site: workspace, obstacles, start, targets and landing points in one vertical plane.
+
+`Site.load(path)` reads a YAML file, described in `configs/README.md`; positions are `(x, z)` in
+metres in the plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..errors import InputError
+from ..settings import yaml_file
+from ..settings.yaml_file import FileFinding
+from ..settings.yaml_schema import Coordinate, FileModel, Interval, Length, Name, PositiveLength
+from ..types import GeodeticPoint, Mission
+from .polygon_outline import outline_problem
+from .site_frame import SiteFrame
+
+PlanePoint = tuple[float, float]
+
+DEFAULT_DWELL_S = 5.0
+"""Default dwell: time for a few pictures of a splice."""
+MAX_CELLS = 4_000_000
+"""Most cells of a plane: limits the memory of the precomputed maps on a companion computer."""
+_COUNTLESS = 1e18
+"""Keeps the number of cells of a resolution near zero an integer."""
+MAX_VERTICES = 2_000
+"""Vertices of one polygon: its outline is checked pair by pair."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Workspace:
+    """The rectangle of plans: lower and upper corner, cell size, least altitude."""
+
+    lower_m: PlanePoint
+    upper_m: PlanePoint
+    resolution_m: float
+    min_altitude_m: float | None = None
+    """Least z of planned paths."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Cells along x and z; a remainder that holds no whole cell is not workspace."""
+        return (
+            _cells(self.upper_m[0] - self.lower_m[0], self.resolution_m),
+            _cells(self.upper_m[1] - self.lower_m[1], self.resolution_m),
+        )
+
+    def outside_m(self, point_m: PlanePoint) -> float:
+        """Distance of a point outside; 0 inside."""
+        ends = zip(point_m, self.lower_m, self.upper_m, strict=True)
+        return math.hypot(*(max(low - at, at - high, 0.0) for at, low, high in ends))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conductor:
+    """A conductor that crosses the plane: a disc."""
+
+    name: str
+    position_m: PlanePoint
+    radius_m: float
+    keep_out_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Polygon:
+    """A filled shape in the plane: at least three vertices, simple outline."""
+
+    name: str
+    vertices_m: tuple[PlanePoint, ...]
+    keep_out_m: float = 0.0
+
+
+Obstacle = Conductor | Polygon
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """A place of inspection; `look_at_m` is the point that the vehicle faces, if known."""
+
+    name: str
+    position_m: PlanePoint
+    dwell_s: float
+    yaw_deg: float | None = None
+    look_at_m: PlanePoint | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margin:
+    """Errors of an aircraft's position and of its tracking.
+
+    position_m: from the true position to the reported one. tracking_m: from there to the setpoint.
+    """
+
+    position_m: float = 0.0
+    tracking_m: float = 0.0
+
+    @property
+    def total_m(self) -> float:
+        """From the true position to the setpoint. The same wind causes both: they add up."""
+        return self.position_m + self.tracking_m
+
+    def __str__(self) -> str:
+        return f"position error {self.position_m:g} m, tracking error {self.tracking_m:g} m"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """A site as planned and flown; arrays of it are built by the planner."""
+
+    name: str
+    frame: SiteFrame
+    workspace: Workspace
+    obstacles: tuple[Obstacle, ...]
+    start_m: PlanePoint
+    targets: tuple[Target, ...]
+    """In file order, which is the order of the visits."""
+    landing_m: Mapping[Mission, tuple[PlanePoint, ...]]
+    """Landing points of the exit and of the evacuation; a mission without any is absent."""
+    margin: Margin = Margin()
+    """Part of its keep-outs beyond those of the file; zero where the site is only planned."""
+
+    def target(self, name: str | int | None) -> Target:
+        """The target of this name; the first for None. Raises InputError without it."""
+        for target in self.targets:
+            if name is None or name == target.name:
+                return target
+        known = ", ".join(target.name for target in self.targets) or "none"
+        raise InputError(self.name, "targets", f"no target {name!r}; the site has: {known}")
+
+    def flown_with(self, margin: Margin) -> Site:
+        """The site as it is flown: the margin is added to the keep-out of every obstacle."""
+        return replace(self, margin=margin).with_obstacles(self.obstacles)
+
+    def with_obstacles(self, obstacles: tuple[Obstacle, ...]) -> Site:
+        """The site with other obstacles, as a file has them: the margin is added to each."""
+        return replace(self, obstacles=self._kept_clear(obstacles))
+
+    def with_more_obstacles(self, obstacles: tuple[Obstacle, ...]) -> Site:
+        """The site with further obstacles, as a file has them: the margin is added to those."""
+        return replace(self, obstacles=(*self.obstacles, *self._kept_clear(obstacles)))
+
+    def _kept_clear(self, obstacles: tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
+        return tuple(
+            replace(item, keep_out_m=item.keep_out_m + self.margin.total_m) for item in obstacles
+        )
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Site:
+        """The site in a YAML file; raises InputError with one line when it cannot be used."""
+        file = yaml_file.read(path, _SiteFile, _findings)
+        origin = file.frame.origin
+        workspace = file.workspace
+        obstacles = tuple(
+            shape.obstacle() for entry in file.obstacles for shape in entry.shapes().values()
+        )
+        conductors = {item.name: item for item in obstacles if isinstance(item, Conductor)}
+        landing = {
+            Mission.EXIT: file.landing.exit,
+            Mission.EVACUATION: file.landing.evacuation,
+        }
+        return cls(
+            name=file.name,
+            frame=SiteFrame(
+                origin=GeodeticPoint(
+                    latitude_deg=origin.latitude_deg,
+                    longitude_deg=origin.longitude_deg,
+                    altitude_amsl_m=origin.altitude_amsl_m,
+                ),
+                azimuth_deg=file.frame.azimuth_deg,
+            ),
+            workspace=Workspace(
+                lower_m=(workspace.x_m[0], workspace.z_m[0]),
+                upper_m=(workspace.x_m[1], workspace.z_m[1]),
+                resolution_m=workspace.resolution_m,
+                min_altitude_m=workspace.min_altitude_m,
+            ),
+            obstacles=obstacles,
+            start_m=file.start.position_m,
+            targets=tuple(target.target(name, conductors) for name, target in file.targets.items()),
+            landing_m={
+                mission: tuple(point.position_m for point in points)
+                for mission, points in landing.items()
+                if points
+            },
+        )
+
+
+def _cells(extent_m: float, resolution_m: float) -> int:
+    return max(1, math.floor(min(extent_m / resolution_m + 1e-9, _COUNTLESS)))
+
+
+class _PointFile(FileModel):
+    x_m: Coordinate
+    z_m: Coordinate
+
+    @property
+    def position_m(self) -> PlanePoint:
+        return self.x_m, self.z_m
+
+
+class _OriginFile(FileModel):
+    latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    altitude_amsl_m: Annotated[float, Field(ge=-1_000.0, le=10_000.0)]
+
+
+class _FrameFile(FileModel):
+    origin: _OriginFile
+    azimuth_deg: Annotated[float, Field(ge=0.0, le=360.0)]
+
+
+class _WorkspaceFile(FileModel):
+    x_m: Interval
+    z_m: Interval
+    resolution_m: PositiveLength
+    min_altitude_m: Coordinate | None = None
+
+
+class _ConductorFile(FileModel):
+    name: Name
+    x_m: Coordinate
+    z_m: Coordinate
+    radius_m: PositiveLength
+    keep_out_m: Length = 0.0
+
+    def obstacle(self) -> Conductor:
+        return Conductor(
+            name=self.name,
+            position_m=(self.x_m, self.z_m),
+            radius_m=self.radius_m,
+            keep_out_m=self.keep_out_m,
+        )
+
+
+class _PolygonFile(FileModel):
+    name: Name
+    vertices_m: Annotated[list[Interval], Field(min_length=3, max_length=MAX_VERTICES)]
+    keep_out_m: Length = 0.0
+
+    def obstacle(self) -> Polygon:
+        return Polygon(
+            name=self.name,
+            vertices_m=tuple((x_m, z_m) for x_m, z_m in self.vertices_m),
+            keep_out_m=self.keep_out_m,
+        )
+
+
+class _ObstacleFile(FileModel):
+    """Either a conductor or a polygon."""
+
+    conductor: _ConductorFile | None = None
+    polygon: _PolygonFile | None = None
+
+    def shapes(self) -> dict[str, _ConductorFile | _PolygonFile]:
+        both = {"conductor": self.conductor, "polygon": self.polygon}
+        return {key: shape for key, shape in both.items() if shape is not None}
+
+
+class _TargetFile(FileModel):
+    """Coordinates, or a conductor with a distance from its surface and a side."""
+
+    x_m: Coordinate | None = None
+    z_m: Coordinate | None = None
+    conductor: Name | None = None
+    standoff_m: PositiveLength | None = None
+    side: Literal["left", "right", "above", "below"] | None = None
+    dwell_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = DEFAULT_DWELL_S
+    yaw_deg: Annotated[float, Field(ge=-180.0, le=360.0)] | None = None
+
+    def target(self, name: str, conductors: Mapping[str, Conductor]) -> Target:
+        look_at_m = None
+        if self.conductor is None:
+            assert self.x_m is not None
+            assert self.z_m is not None
+            position_m = (self.x_m, self.z_m)
+        else:
+            assert self.standoff_m is not None
+            assert self.side is not None
+            conductor = conductors[self.conductor]
+            look_at_m = conductor.position_m
+            distance_m = conductor.radius_m + self.standoff_m
+            towards_x, towards_z = _SIDES[self.side]
+            position_m = (
+                look_at_m[0] + towards_x * distance_m,
+                look_at_m[1] + towards_z * distance_m,
+            )
+        return Target(
+            name=name,
+            position_m=position_m,
+            dwell_s=self.dwell_s,
+            yaw_deg=self.yaw_deg,
+            look_at_m=look_at_m,
+        )
+
+
+_SIDES = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "above": (0.0, 1.0), "below": (0.0, -1.0)}
+
+
+class _LandingFile(FileModel):
+    exit: list[_PointFile] = Field(default_factory=list)
+    evacuation: list[_PointFile] = Field(default_factory=list)
+
+
+class _SiteFile(FileModel):
+    name: Name
+    frame: _FrameFile
+    workspace: _WorkspaceFile
+    obstacles: list[_ObstacleFile]
+    start: _PointFile
+    targets: dict[Name, _TargetFile] = Field(default_factory=dict)
+    landing: _LandingFile = Field(default_factory=_LandingFile)
+
+
+def _findings(file: _SiteFile) -> Iterator[FileFinding]:
+    yield from _workspace_findings(file.workspace)
+    yield from _obstacle_findings(file.obstacles)
+    conductors = [entry.conductor.name for entry in file.obstacles if entry.conductor]
+    for name, target in file.targets.items():
+        yield from _target_findings(("targets", name), target, conductors)
+
+
+def _workspace_findings(workspace: _WorkspaceFile) -> Iterator[FileFinding]:
+    extents_m = []
+    for name in ("x_m", "z_m"):
+        low, high = getattr(workspace, name)
+        if low >= high:
+            problem = f"is [{low:g}, {high:g}], the first must be less than the second"
+            yield FileFinding(("workspace", name), problem)
+        extents_m.append(high - low)
+    if min(extents_m) <= 0.0:
+        return
+    count = math.prod(_cells(extent_m, workspace.resolution_m) for extent_m in extents_m)
+    if count > MAX_CELLS:
+        # Each axis has at most extent / r cells, or one.
+        enough_m = max(
+            math.sqrt(extents_m[0] * extents_m[1] / MAX_CELLS), max(extents_m) / MAX_CELLS
+        )
+        yield FileFinding(
+            ("workspace", "resolution_m"),
+            f"is {workspace.resolution_m:g}, which makes {count:.7g} cells where {MAX_CELLS} are "
+            f"allowed: must be at least {_rounded_up(enough_m):g}, or the workspace smaller",
+        )
+
+
+def _rounded_up(value: float) -> float:
+    """The value rounded up to three significant digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return math.ceil(value / unit) * unit
+
+
+def _obstacle_findings(obstacles: list[_ObstacleFile]) -> Iterator[FileFinding]:
+    seen: dict[str, int] = {}
+    for index, entry in enumerate(obstacles):
+        key: yaml_file.Key = ("obstacles", index)
+        shapes = entry.shapes()
+        if len(shapes) != 1:
+            yield FileFinding(key, "must have one key, conductor or polygon")
+        for kind, shape in shapes.items():
+            if shape.name in seen:
+                problem = f"is {shape.name!r} like obstacles[{seen[shape.name]}], must be unique"
+                yield FileFinding((*key, kind, "name"), problem)
+            seen.setdefault(shape.name, index)
+            if isinstance(shape, _PolygonFile):
+                problem_of_outline = outline_problem(np.array(shape.vertices_m))
+                if problem_of_outline:
+                    yield FileFinding((*key, kind, "vertices_m"), problem_of_outline)
+
+
+def _target_findings(
+    key: yaml_file.Key, target: _TargetFile, conductors: list[str]
+) -> Iterator[FileFinding]:
+    place = {name: getattr(target, name) for name in ("x_m", "z_m")}
+    relative = {name: getattr(target, name) for name in ("conductor", "standoff_m", "side")}
+    given = [name for name, value in (place | relative).items() if value is not None]
+    both = any(name in place for name in given) and any(name in relative for name in given)
+    if both or not given:
+        problem = f"has {' and '.join(given)}, " if both else ""
+        yield FileFinding(key, f"{problem}must have x_m and z_m, or conductor, standoff_m and side")
+        return
+    for name in place if given[0] in place else relative:
+        if name not in given:
+            yield FileFinding((*key, name), "is missing")
+    if target.conductor is not None and target.conductor not in conductors:
+        known = yaml_file.nearest(target.conductor, conductors) or (
+            f", must be one of {', '.join(conductors)}" if conductors else ", there are none"
+        )
+        problem = f"is {target.conductor!r}, no conductor of this site{known}"
+        yield FileFinding((*key, "conductor"), problem)

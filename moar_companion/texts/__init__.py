@@ -1,0 +1,1 @@
+"""Texts for pilots and for the service's operators, and how values appear in them."""
