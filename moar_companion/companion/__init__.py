@@ -1,1 +1,10 @@
-"""The companion: one machine without I/O. A cycle from inputs to effects."""
+"""The companion: one machine without I/O.
+
+In: bytes with their arrival times, answers of the planner, figures of the computer, and the time.
+Out: bytes to send, plan jobs, decisions to record. Read first: `companion` (a cycle, stage by
+stage), `mission_executor`, `safety.conditions` (all reasons to act against a flight).
+
+Parts: `mission` (the state machine), `safety` (checks, conditions, the setpoint gate), `guidance`
+(a plan to setpoints), `planning` (jobs and answers), `contingency` (escape routes), `estimation`
+(the aircraft's place on its site), `preflight` (findings of `check`).
+"""

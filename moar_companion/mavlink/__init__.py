@@ -2,5 +2,6 @@
 
 `session.Session` is a machine without I/O: it decodes (`peers`, `codec`), and passes each message
 to `telemetry_receiver`, `autopilot_requests`, `autopilot_control` or `received_commands`. All of
-them send by `outbox`; `link` holds the sockets.
+them send by `outbox`; `link` holds the sockets. What differs between autopilots: `autopilots`.
+Read first: `session`, `telemetry`, `autopilots.profile`.
 """

@@ -1,4 +1,8 @@
-"""Risk: Telemetry -> RiskIndices, pure. See `indices.update`."""
+"""Risk: telemetry to the paper's four risk indices, each with an explanation. Pure.
+
+In: `Telemetry`, the thresholds of the vehicle file, the time. Out: `RiskReport`; the power of a
+flight and the energy left (`power`). Read first: `indices`, `wind`, `power.meter`.
+"""
 
 from __future__ import annotations
 

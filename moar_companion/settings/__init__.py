@@ -1,1 +1,6 @@
-"""Files of settings: one model for each file, its keys checked and described there."""
+"""Files of settings: the service's configuration, the vehicle; each key checked where it stands.
+
+In: a YAML file. Out: an immutable value, or `InputError` with one line: file, key, value, what is
+allowed. Read first: `yaml_file` (how a file is read), `config`, `vehicle`. The site file, which
+needs the planner's geometry: `planner.site`.
+"""

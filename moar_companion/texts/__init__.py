@@ -1,1 +1,5 @@
-"""Texts for pilots and for the service's operators, and how values appear in them."""
+"""Texts that pilots and operators read, and how numbers and names appear in them. Pure.
+
+In: values. Out: texts of one STATUSTEXT each. Read first: `pilot_texts`, `text_patterns`,
+`text_format`. Texts of conditions: `companion.safety.condition_texts`.
+"""

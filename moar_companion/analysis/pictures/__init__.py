@@ -1,1 +1,1 @@
-"""Outputs of plans and flights: pictures, recordings, pages, views in a terminal."""
+"""Pictures of plans, flights, recordings and surveys (matplotlib, an extra)."""
