@@ -216,3 +216,15 @@ def test_without_a_reported_charge_the_time_until_a_charge_is_by_the_energy_left
     model = model_of(cells=4)
     meter = Aircraft(model, tells=()).fly(5.0).meter
     assert meter.until_reported_s(model, 0.3) == meter.until_s(model, 0.3)
+
+
+def test_a_charge_that_stands_after_a_fast_fall_is_no_fast_drain():
+    """As of the simulator of PX4, or of a gauge that corrects itself in three steps."""
+    aircraft = Aircraft(model_of(), tells=("remaining",)).fly(60.0)
+    for charge in (0.41, 0.17, 0.14, 0.13):
+        aircraft.charges = [charge]
+        aircraft.fly(1.0)
+    fallen = aircraft.meter.factor
+    aircraft.takes = 0.0
+    assert fallen > 5.0
+    assert aircraft.fly(30.0).meter.factor < 2.0

@@ -56,6 +56,8 @@ _MOST_SUDDEN = 2
 _AT_ODDS = 2.0
 """Ratio of two measures at which the greater has precedence. A gauge may assume another capacity or
 follow a voltage, but without a battery failure it differs by less."""
+_STEP = 0.01
+"""Step of a reported charge: a percent."""
 _SWAPPED = 0.05
 """Rise of the charge that means another battery; smaller rises are noise, as of a charge that the
 autopilot derives from a voltage."""
@@ -373,15 +375,21 @@ def _by_charge(
         if len(pack.marks) > 1 and pack.marks[-1].flown_wh >= oldest_wh
     ]
     measured = [
-        max(_over(marks, model), key=lambda of: of[0] / of[1])
+        max(_over(marks, flown_wh, model), key=lambda of: of[0] / of[1])
         for marks in marked
         if marks[-1].flown_wh > marks[0].flown_wh
     ]
     return max(measured, key=lambda of: of[0] / of[1], default=(0.0, 0.0, 0.0))
 
 
-def _over(marks: tuple[_Mark, ...], model: PowerModel) -> Iterator[tuple[float, float, float]]:
-    """Yields the same over all marks of a battery, and over the last ones if much faster."""
+def _over(
+    marks: tuple[_Mark, ...], now_wh: float, model: PowerModel
+) -> Iterator[tuple[float, float, float]]:
+    """Yields the same over all marks of a battery, and over the last ones if much faster.
+
+    now_wh: energy flown until now. Where the next step is late, the rate is at most that with a
+    step now.
+    """
     last, recent = marks[-1], marks[: 1 - _RECENT_MARKS]
     begins = [mark for mark in recent if last.flown_wh - mark.flown_wh >= model.hover_wh(_RECENT_S)]
     steps = [(marks[0], marks[1])]
@@ -390,11 +398,14 @@ def _over(marks: tuple[_Mark, ...], model: PowerModel) -> Iterator[tuple[float, 
         steps.append((marks[first], marks[first + 1]))
     rate = 0.0
     for begin, sure in steps:
-        used_wh, flown_wh = (begin.charge - last.charge), last.flown_wh - begin.flown_wh
-        if used_wh > _DRAINS * rate * flown_wh:
-            rate = used_wh / flown_wh
+        used, flown_wh = begin.charge - last.charge, last.flown_wh - begin.flown_wh
+        longer_wh = now_wh - begin.flown_wh
+        if (used + _STEP) * flown_wh < used * longer_wh:
+            used, flown_wh = used + _STEP, longer_wh
+        if used > _DRAINS * rate * flown_wh:
+            rate = used / flown_wh
             sure_wh = (sure.charge - last.charge) * model.capacity_wh
-            yield used_wh * model.capacity_wh, flown_wh, sure_wh
+            yield used * model.capacity_wh, flown_wh, sure_wh
 
 
 def _blended(
