@@ -7,21 +7,26 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from . import yaml_file
-from .link_config import KeySource, LinkConfig, LinkFile, LinkRole, SigningFile, link_findings
-from .mqtt_config import ORDER_LINK, Mqtt, MqttFile, mqtt_findings
-from .perception_config import Perception, PerceptionFile, perception_findings
+from .link_config import KeySource, LinkConfig, LinkRole, link_findings
+from .mqtt_config import ORDER_LINK, Mqtt, mqtt_findings
+from .perception_config import Perception, perception_findings
 from .yaml_file import FileFinding
-from .yaml_schema import FileModel, FilePath, Name, Section
+from .yaml_schema import FileModel, Section, under
 
 _Seconds = Field(gt=0.0, le=3_600.0)
+_Id = Annotated[int, Field(ge=1, le=255)]
+_Ids = Annotated[tuple[_Id, ...] | None, Field(min_length=1)]
+SLOWEST_HZ, FASTEST_HZ = 20.0, 100.0
+"""Rates of setpoints. At the smallest one a cycle may still be a whole period late: its output is
+discarded, and the reference held back, after 0.1 s (`service/app`, `companion/companion`)."""
 
 
 def shipped_configs() -> Path:
@@ -66,16 +71,18 @@ GROUND_STATION_IDS = range(240, 256)
 class Commands:
     """Senders that may command; hold and pause are accepted from any sender."""
 
-    systems: tuple[int, ...] | None = None
-    """System ids; None: those of ground stations, and the vehicle's own. This ignores commands that
-    the companion of another vehicle sends to all. An id does not prove who the sender is."""
-    components: tuple[int, ...] | None = None
-    """Component ids; None: any, since ground stations choose theirs freely."""
-    links: tuple[str, ...] | None = None
-    """URLs of links; None: all, since many have their ground station behind the autopilot."""
+    systems: _Ids = None
+    """System ids that may command; none: those of ground stations (240 to 255), and the vehicle's
+    own. This ignores commands that the companion of another vehicle sends to all. An id does not
+    prove who the sender is."""
+    components: _Ids = None
+    """Component ids that may command; none: any, since ground stations choose theirs freely."""
+    links: Annotated[tuple[str, ...] | None, Field(min_length=1)] = None
+    """URLs of the links (`links[].url`) on which commands are accepted; none: all, since many have
+    their ground station behind the autopilot."""
     signed_only: bool = False
-    """True: the packet must be signed. Not by default: few ground stations sign, and all others
-    would be refused."""
+    """A command must come in a packet with a correct MAVLink 2 signature, so only from links with
+    `signed: true`. Not by default: few ground stations sign, and all others would be refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,12 +92,13 @@ class Replanning:
     period_s: Annotated[float, _Seconds] = 2.0
     """Longest time between two plans."""
     risk_change: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
-    """Change of an index since the last plan that triggers the next."""
+    """Change of a risk index since the last plan that causes the next."""
     min_interval_s: Annotated[float, _Seconds] = 0.3
-    """Shortest time between two plans."""
+    """Shortest time between two plans; at most `period_s`."""
     improvement: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
-    """Fraction of its cost that a new path must save to replace the flown one. Paths between which
-    noise on the risks switches differ by less; a wind that rises to 0.8 saves 0.01."""
+    """Fraction of its cost J that a new path must save; otherwise the active path stays while it is
+    free. Paths between which noise on the risks switches differ by less; a wind that rises to 0.8
+    saves 0.01."""
 
 
 class LinkLoss(str, enum.Enum):
@@ -106,93 +114,115 @@ class Supervision:
     """Limits of a flight; safety/conditions.py defines the effect of each."""
 
     position_timeout_s: Annotated[float, _Seconds] = 0.5
-    """Age from which a position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 to 40
-    Hz)."""
+    """An older position ends the stream (LOCAL_POSITION_NED comes at 30 to 40 Hz)."""
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
-    """Time without any packet of the autopilot, heartbeat or other, until its link is lost."""
+    """Time without any packet of the autopilot, a heartbeat or another, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
-    """Age of the last mode report at which control ends: the mode may have changed. The mode is
-    reported 20 times a second or more: on a link that loses 30 %, a gap of this length occurs once
-    in 10^31 reports."""
+    """A mode that was reported longer ago ends control: it may have changed. It is requested 20
+    times a second or more (ArduPilot's HEARTBEAT, PX4's CURRENT_MODE): on a link that loses 30 %, a
+    gap of this length occurs once in 10^31 reports."""
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
-    """Age of the armed state at which control ends; only HEARTBEAT reports it, on PX4 once a
-    second."""
+    """An armed state that was reported longer ago ends control. Only HEARTBEAT reports it, on PX4
+    once a second: on a link that loses 30 %, such a gap occurs once in 10^7."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0
-    """Time for which a hold is offered to the pilot before the pilot selects the mode."""
+    """Time for which a hold is offered to the pilot, until the pilot selects the mode."""
     plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
-    """Greatest distance from the plane that is flown."""
+    """Greatest distance from the site's plane in flight."""
     wind_limit_mps: Annotated[float, Field(gt=0.0, le=100.0)] = 15.0
-    """With the default drag the tilt yields 15 m/s for a true 13 and 18 (two recorded quadrotors):
-    12 is a good limit once the vehicle's drag is measured (`replay --fit-drag`)."""
+    """Greatest measured wind: the greater of the reported one and that from the tilt. With the
+    default drag the tilt yields 15 m/s for a true 13 and 18 (two recorded quadrotors): 12 is a good
+    limit once the vehicle's drag is measured (`replay --fit-drag`)."""
     localization_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9
-    """Limit of the localization risk, close to its maximum."""
+    """Greatest localization risk of a mission; close to its maximum."""
     position_uncertainty_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
-    """Position error that distances from obstacles allow for, even where less is reported; None:
-    the error measured with the vehicle's autopilot (`autopilots`)."""
+    """Position error that distances from obstacles allow for, even where less is reported; none:
+    the error measured with the vehicle's autopilot."""
     position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
-    """Uncertainty above which the mission is held; from `position_uncertainty_m` on, obstacles grow
-    by the excess."""
+    """Uncertainty of the position above which no mission is flown, at least
+    `position_uncertainty_m`; from that on obstacles grow by the excess."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
-    """Fraction left at which the flight along the escape route begins."""
+    """Fraction of the charge at which the exit begins."""
     ground_link_lost_s: Annotated[float, _Seconds] = 10.0
-    """Both autopilots, too, regard the ground station as lost after it."""
+    """Time since the operator's ground station was received (that of the last order, before one
+    any) until it is lost. Both autopilots regard it as lost after 10 s, too."""
     ground_link_action: LinkLoss = LinkLoss.HOLD
+    """Action when the ground station is lost."""
     exposure_limit_s: Annotated[float, _Seconds] = 120.0
-    """Limit of the time at places where an unforeseeable failsafe would hit an obstacle, beyond a
-    target's dwell: a long inspection of a splice. The next target or order restarts it."""
+    """Longest stay, beyond the target's dwell, where a failsafe of the autopilot without a forecast
+    (RC, GCS or GPS loss) would hit an obstacle: a long inspection of a splice. The next target or
+    order restarts the time."""
     exposure_reserve_s: Annotated[float, Field(ge=0.0, le=3_600.0)] = 30.0
-    """Least time between the last place from where a battery's action would hit an obstacle and
-    that action: in a gust a forecast of the charge is off by as much."""
+    """Flight time that must remain until the autopilot's battery action, after the last place from
+    which that action would hit an obstacle: in a gust a forecast of the charge is off by as
+    much."""
     failsafe_action: LossCheck = LossCheck.WARN
-    """Response to a plan on which the autopilot's action after a link loss would hit an obstacle,
-    or after the loss of the fix where no short leg prevents it.
-    A warning by default: links are rarely lost, and places above a conductor usually exposed."""
+    """Response to a plan on which the autopilot would hit an obstacle when RC or GCS are lost, or
+    when GPS is lost where no leg to a refuge helps. A warning by default: links are rarely lost,
+    and places above a conductor usually exposed. Where the autopilot would stop its motors, `check`
+    is NO GO for both values."""
     jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
-    """The setpoint follows a jump of the position; a greater jump needs an operator's decision."""
+    """Greatest jump of the position within 10 s that the setpoint follows; a greater one needs an
+    operator's decision."""
     plan_stale_s: Annotated[float, _Seconds] = 12.0
-    """Plans take milliseconds; without an answer the request is repeated after 5 s: twice."""
+    """Longest wait of an inspection for a new plan in flight; after half of it the flight slows
+    down. Plans take milliseconds; without an answer the request is repeated after 5 s: twice."""
     disk_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 200.0
-    """An hour of recording takes about 100 MB."""
+    """Free disk space, below which an inspection is held: an hour of recording takes about 100
+    MB."""
     memory_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 100.0
+    """Available memory of the computer, below which an inspection is held."""
     fence_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] = 1.5
-    """Distance kept from the autopilot's fence. PX4's greatest distance from its setpoint was 1.15
-    m, and half a cell of 0.3 m is rounding; PX4 compares the position that it reports with its
-    fence. The stopping distance, by the speed, is kept in addition."""
+    """Distance of plans and setpoints from the autopilot's own fence; ArduPilot's `FENCE_MARGIN`
+    where that is more. PX4's greatest distance from its setpoint was 1.15 m, and half a cell of 0.3
+    m is rounding. The stopping distance, by the speed, is kept in addition."""
     loss_action: LossCheck = LossCheck.REFUSE
-    """Response when the autopilot's action after a companion failure would lead through an
-    obstacle: a parameter corrects it, and a text in flight is easily missed."""
+    """Response to a plan on which the autopilot, after a companion failure, would land or return
+    through an obstacle, or return on an unknown route (`RTL_TYPE` not 0); and to one that ArduPilot
+    cannot follow (`WP_ACC`, `WP_ACC_Z`, before 4.7 `WPNAV_ACCEL`, `WPNAV_ACCEL_Z`, below
+    `guidance.acceleration_mps2`). A parameter corrects it, and a text in flight is easily
+    missed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderSettings:
-    """Recordings of flights. directory: None: `flights` in systemd's state folder, else none."""
+    """Recordings of flights."""
 
     enabled: bool = True
+    """Flights are recorded."""
     directory: Path | None = None
-    part_mb: float = 256.0
-    """Size of an .mcap at which the next part begins: Foxglove opens a file of this size at
+    """Folder of the recordings; none: `flights` in the folder that systemd gives
+    (`STATE_DIRECTORY`), without that no recording."""
+    part_mb: Annotated[float, Field(ge=1.0, le=1e6)] = 256.0
+    """Size of an `.mcap` at which the next part begins: Foxglove opens a file of this size at
     once."""
-    part_min: float = 60.0
+    part_min: Annotated[float, Field(ge=1.0, le=1e4)] = 60.0
     """Age of a part at which the next one begins."""
-    keep_gb: float = 20.0
-    """Size of all recordings above which the oldest are removed: over 100 hours of flight."""
-    floor_mb: float = 300.0
-    """Free disk space below which the oldest are removed, or the recording ends. It is above
-    `supervision.disk_free_mb`: recordings alone never cause a condition."""
+    keep_gb: Annotated[float, Field(ge=0.1, le=1e6)] = 20.0
+    """Size of all recordings in the folder above which the oldest are removed: over 100 hours of
+    flight."""
+    floor_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 300.0
+    """Free disk space below which the oldest are removed; when none is left the recording ends, and
+    the flight continues. It is above `supervision.disk_free_mb`: recordings alone never cause a
+    condition."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """Folder of the mission's state, kept after the process; None: systemd's folder, else none."""
+    """The mission's state, kept after the process."""
 
     directory: Path | None = None
+    """Folder of `mission.json`, from which a process that is started after a crash reads the
+    interrupted mission; none: the folder that systemd gives (`STATE_DIRECTORY`), without that no
+    state is kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """Socket of the live view; None: in systemd's runtime directory, else none."""
+    """The live view."""
 
     socket: Path | None = None
+    """Unix socket of `moar-companion view`; none: `view.sock` in the folder that systemd gives
+    (`RUNTIME_DIRECTORY`), without that there is no view."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,17 +230,24 @@ class CompanionConfig:
     """Complete configuration of the service at its start."""
 
     vehicle: Path
+    """The vehicle file; may be left out where the command line gives one."""
     site: Path | None = None
-    """None: without a site, telemetry and risk only."""
+    """The site file; none: telemetry and risk only."""
     links: tuple[LinkConfig, ...] = (LinkConfig(url="udp:127.0.0.1:14540"),)
-    system_id: int = 1
-    """Initial system id; the companion takes the id of a received autopilot."""
-    component_id: int = 195
-    """MAV_COMP_ID_PATHPLANNER."""
+    """Links to the autopilot and to operators."""
+    system_id: _Id = 1
+    """System id until an autopilot is received; then its id."""
+    component_id: _Id = 195
+    """Component id; 195 is MAV_COMP_ID_PATHPLANNER."""
     authority: Authority = Authority.STREAM
-    setpoint_rate_hz: float = 50.0
+    """`observe` never streams; `stream` does when the pilot has selected the mode; `engage` may
+    also request modes and LAND on an operator's order."""
+    setpoint_rate_hz: Annotated[float, Field(ge=SLOWEST_HZ, le=FASTEST_HZ)] = 50.0
+    """Rate of the setpoints, and of the cycle."""
     resume: bool = False
-    """True: a mode given back by the pilot resumes the mission without a new command."""
+    """A mode that is selected again resumes the mission without a new command. Exception: a release
+    meanwhile (a failsafe, a restart, stale data). On PX4 a command is necessary anyway, since PX4
+    gives OFFBOARD to a stream only."""
     commands: Commands = field(default_factory=Commands)
     replanning: Replanning = field(default_factory=Replanning)
     supervision: Supervision = field(default_factory=Supervision)
@@ -244,99 +281,35 @@ class CompanionConfig:
         may then be missing. Raises InputError with one line when the file cannot be used.
         """
 
-        def check(file: _CompanionFile) -> Iterator[FileFinding]:
-            if file.vehicle is None and vehicle is None:
+        def config_of(model: FileModel) -> CompanionConfig:
+            given = {} if "vehicle" in model.model_fields_set else {"vehicle": None}
+            return under(Path(path).parent, COMPANION_FILE.filled(model, **given))
+
+        def check(model: FileModel) -> Iterator[FileFinding]:
+            config = config_of(model)
+            if config.vehicle is None and vehicle is None:
                 yield FileFinding(("vehicle",), "is missing")
-            yield from _findings(file)
+            yield from _findings(config)
 
-        file = yaml_file.read(path, _CompanionFile, check)
-        folder = Path(path).parent
-        converted: dict[str, Any] = {}
-        if vehicle is not None:
-            converted["vehicle"] = Path(vehicle)
-        if "links" in file.model_fields_set:
-            links = (LinkConfig(**link.arguments(folder)) for link in file.links)
-            converted["links"] = tuple(links)
-        return cls(
-            **file.arguments(
-                folder,
-                commands=Commands(**file.commands.arguments(folder)),
-                recorder=RecorderSettings(**file.recorder.arguments(folder)),
-                state=State(**file.state.arguments(folder)),
-                view=View(**file.view.arguments(folder)),
-                signing=KeySource(**file.signing.arguments(folder)),
-                mqtt=file.mqtt.settings(folder),
-                perception=file.perception.settings(folder),
-                file=Path(path),
-                **converted,
-            )
-        )
+        config = config_of(yaml_file.read(path, COMPANION_FILE.schema, check))
+        named = config.vehicle if vehicle is None else Path(vehicle)
+        return replace(config, vehicle=named, file=Path(path))
 
 
-SLOWEST_HZ, FASTEST_HZ = 20.0, 100.0
-"""Rates of setpoints. At the smallest one a cycle may still be a whole period late: its output is
-discarded, and the reference held back, after 0.1 s (`service/app`, `companion/companion`)."""
-_Id = Annotated[int, Field(ge=1, le=255)]
+COMPANION_FILE = Section(CompanionConfig, optional=frozenset({"vehicle"}), without="file")
 
 
-class _CommandsFile(FileModel):
-    systems: Annotated[list[_Id], Field(min_length=1)] | None = None
-    components: Annotated[list[_Id], Field(min_length=1)] | None = None
-    links: Annotated[list[Name], Field(min_length=1)] | None = None
-    signed_only: bool = False
-
-
-class _RecorderFile(FileModel):
-    enabled: bool = True
-    directory: FilePath | None = None
-    part_mb: Annotated[float, Field(ge=1.0, le=1e6)] = 256.0
-    part_min: Annotated[float, Field(ge=1.0, le=1e4)] = 60.0
-    keep_gb: Annotated[float, Field(ge=0.1, le=1e6)] = 20.0
-    floor_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 300.0
-
-
-class _StateFile(FileModel):
-    directory: FilePath | None = None
-
-
-class _ViewFile(FileModel):
-    socket: FilePath | None = None
-
-
-class _CompanionFile(FileModel):
-    """Keys with a default; the dataclass defines its value."""
-
-    vehicle: FilePath | None = None
-    site: FilePath | None = None
-    links: list[LinkFile] = Field(default_factory=list)
-    system_id: _Id = 1
-    component_id: _Id = 195
-    authority: Annotated[Authority, Strict(strict=False)] = Authority.STREAM
-    setpoint_rate_hz: Annotated[float, Field(ge=SLOWEST_HZ, le=FASTEST_HZ)] = 50.0
-    resume: bool = False
-    commands: _CommandsFile = Field(default_factory=_CommandsFile)
-    replanning: Annotated[Replanning, Section(Replanning)] = Field(default_factory=Replanning)
-    supervision: Annotated[Supervision, Section(Supervision)] = Field(default_factory=Supervision)
-    recorder: _RecorderFile = Field(default_factory=_RecorderFile)
-    state: _StateFile = Field(default_factory=_StateFile)
-    view: _ViewFile = Field(default_factory=_ViewFile)
-    signing: SigningFile = Field(default_factory=SigningFile)
-    mqtt: MqttFile = Field(default_factory=MqttFile)
-    perception: PerceptionFile = Field(default_factory=PerceptionFile)
-
-
-def _findings(file: _CompanionFile) -> Iterator[FileFinding]:
-    yield from link_findings(file.links, file.signing)
-    yield from mqtt_findings(file.mqtt)
-    yield from perception_findings(file.perception)
-    replanning = file.replanning
+def _findings(config: CompanionConfig) -> Iterator[FileFinding]:
+    yield from link_findings(config.links, config.signing)
+    yield from mqtt_findings(config.mqtt)
+    yield from perception_findings(config.perception)
+    replanning, limits = config.replanning, config.supervision
     if replanning.min_interval_s > replanning.period_s:
         yield FileFinding(
             ("replanning", "min_interval_s"),
             f"is {replanning.min_interval_s:g}, must be at most period_s ({replanning.period_s:g})",
         )
-    allowed_m = file.supervision.position_uncertainty_m
-    limit_m = file.supervision.position_uncertainty_limit_m
+    allowed_m, limit_m = limits.position_uncertainty_m, limits.position_uncertainty_limit_m
     if allowed_m is not None and limit_m < allowed_m:
         problem = f"is {limit_m:g}, must be at least position_uncertainty_m ({allowed_m:g})"
         yield FileFinding(("supervision", "position_uncertainty_limit_m"), problem)

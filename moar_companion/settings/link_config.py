@@ -6,12 +6,8 @@ import enum
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-from pydantic import Strict
 
 from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
-from .yaml_schema import FileModel, FilePath, Name
 
 
 class LinkRole(str, enum.Enum):
@@ -23,12 +19,16 @@ class LinkRole(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkConfig:
-    """One link: a URL (`mavlink/urls`) and the peer there."""
+    """One link (`mavlink/urls`)."""
 
     url: str
+    """`udp:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT` or `serial:DEVICE:BAUD`, each once. At
+    57600 baud only as `serial:`: over UDP and TCP the mode is requested at 50 Hz instead of 20, too
+    much for such a line behind a router with PX4."""
     role: LinkRole = LinkRole.AUTOPILOT
+    """The other end of the link."""
     signed: bool = False
-    """True: all packets are signed, and unsigned ones are refused."""
+    """All packets on it are signed; unsigned packets are refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,26 +36,15 @@ class KeySource:
     """Source of the key of the signed links, never the key itself."""
 
     key_file: Path | None = None
+    """The key of the signed links: 32 bytes or 64 hexadecimal digits, in a file of root or of the
+    service's user that no other user can read. A name of 64 hexadecimal digits is refused: it may
+    be the key itself."""
     credential: str | None = None
-    """The name of a credential that systemd passes: where it passes some, in place of the file."""
+    """The same in a credential of systemd (`LoadCredential=`): where systemd passes some it is
+    taken in place of the file."""
 
 
-class LinkFile(FileModel):
-    """One entry of `links`."""
-
-    url: Name
-    role: Annotated[LinkRole, Strict(strict=False)] = LinkRole.AUTOPILOT
-    signed: bool = False
-
-
-class SigningFile(FileModel):
-    """Section `signing`."""
-
-    key_file: FilePath | None = None
-    credential: Name | None = None
-
-
-def link_findings(links: list[LinkFile], signing: SigningFile) -> Iterator[FileFinding]:
+def link_findings(links: tuple[LinkConfig, ...], signing: KeySource) -> Iterator[FileFinding]:
     """Yields the faults of links and key: a URL twice, a key in the file, no key."""
     seen: dict[str, int] = {}
     for index, link in enumerate(links):
@@ -66,7 +55,7 @@ def link_findings(links: list[LinkFile], signing: SigningFile) -> Iterator[FileF
     yield from _signing_findings(links, signing)
 
 
-def _signing_findings(links: list[LinkFile], signing: SigningFile) -> Iterator[FileFinding]:
+def _signing_findings(links: tuple[LinkConfig, ...], signing: KeySource) -> Iterator[FileFinding]:
     key_file, credential = signing.key_file, signing.credential
     for name, value in (("key_file", key_file), ("credential", credential)):
         if value is not None and HEXADECIMAL_KEY.fullmatch(Path(value).name):

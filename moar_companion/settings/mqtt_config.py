@@ -14,7 +14,6 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
-from .yaml_schema import FileModel, FilePath, Name
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _URL = re.compile(r"(mqtts?)://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?/?")
@@ -25,33 +24,49 @@ VEHICLE_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 """One level of a topic: `/`, `+`, `#` and `$` have a meaning there."""
 
 
+def _level(text: str) -> str:
+    if not re.match(VEHICLE_NAME, text):
+        raise ValueError("must be letters, digits, _ and -, 64 at most")
+    return text
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MqttCommands:
     """Orders over MQTT; the key is in a file or a credential, never here."""
 
     accept: bool = False
-    """True: the companion accepts signed orders. Not by default: distant senders can reach a
-    broker."""
+    """Signed orders are accepted over MQTT. Not by default: distant senders can reach a broker."""
     key_file: Path | None = None
+    """The key of the orders, as `signing.key_file`."""
     credential: str | None = None
-    window_s: float = 10.0
+    """The same in a credential of systemd, as `signing.credential`."""
+    window_s: Annotated[float, Field(ge=1.0, le=300.0)] = 10.0
     """Greatest difference between an order's time and this computer's clock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mqtt:
-    """Broker to which the companion publishes; url None: none."""
+    """Broker to which the companion publishes."""
 
     url: str | None = None
-    vehicle: str | None = None
-    """Name in the topics: `moar/<vehicle>/…`; each vehicle of a broker has its own."""
+    """`mqtt://HOST[:PORT]` (1883), or `mqtts://HOST[:PORT]` (8883) with TLS; none: nothing is
+    published."""
+    vehicle: Annotated[str | None, AfterValidator(_level)] = None
+    """Name in the topics `moar/<vehicle>/…`: letters, digits, `_`, `-`, 64 at most. Required with a
+    URL, and another for each vehicle of a broker."""
     ca_file: Path | None = None
-    """Certificates that the broker's must lead to; None: those of the system."""
+    """Certificates (PEM) to which the broker's must lead; none: those of the system."""
     certificate_file: Path | None = None
+    """Our certificate, where the broker requires one."""
     key_file: Path | None = None
+    """Its key, in a file of root or of the service's user that no other user can read."""
     username: str | None = None
+    """User at the broker."""
     password_file: Path | None = None
+    """The user's password, one line, in a file that no other user can read."""
     password_credential: str | None = None
+    """The same in a credential of systemd (`LoadCredential=`): where systemd passes some it is
+    taken in place of the file."""
     commands: MqttCommands = field(default_factory=MqttCommands)
 
     @property
@@ -85,45 +100,13 @@ def broker_address(url: str) -> BrokerAddress | None:
     return BrokerAddress(host=host.strip("[]"), port=number, tls=scheme == "mqtts")
 
 
-def _level(text: str) -> str:
-    if not re.match(VEHICLE_NAME, text):
-        raise ValueError("must be letters, digits, _ and -, 64 at most")
-    return text
-
-
-class _CommandsFile(FileModel):
-    accept: bool = False
-    key_file: FilePath | None = None
-    credential: Name | None = None
-    window_s: Annotated[float, Field(ge=1.0, le=300.0)] = 10.0
-
-
-class MqttFile(FileModel):
-    """The section in the file."""
-
-    url: Name | None = None
-    vehicle: Annotated[Name, AfterValidator(_level)] | None = None
-    ca_file: FilePath | None = None
-    certificate_file: FilePath | None = None
-    key_file: FilePath | None = None
-    username: Name | None = None
-    password_file: FilePath | None = None
-    password_credential: Name | None = None
-    commands: _CommandsFile = Field(default_factory=_CommandsFile)
-
-    def settings(self, folder: Path) -> Mqtt:
-        """The settings; relative paths are relative to the folder of the file."""
-        commands = MqttCommands(**self.commands.arguments(folder))
-        return Mqtt(**self.arguments(folder, commands=commands))
-
-
-def mqtt_findings(section: MqttFile) -> Iterator[FileFinding]:
+def mqtt_findings(section: Mqtt) -> Iterator[FileFinding]:
     """Errors across the keys of the section."""
     for keys, problem in _problems(section):
         yield FileFinding(("mqtt", *keys), problem)
 
 
-def _problems(section: MqttFile) -> Iterator[tuple[tuple[str, ...], str]]:
+def _problems(section: Mqtt) -> Iterator[tuple[tuple[str, ...], str]]:
     commands = section.commands
     if section.url is not None:
         address = broker_address(section.url)

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from ..errors import InputError
@@ -374,17 +375,23 @@ def _schema_at(schema: type[BaseModel], key: Key) -> type[BaseModel]:
     """The model that describes the mapping at a key."""
     for part in key:
         if isinstance(part, str) and part in schema.model_fields:
-            field = schema.model_fields[part]
-            sections = [item.schema for item in field.metadata if isinstance(item, Section)]
-            schema = next(iter(sections), _model_in(field.annotation)) or schema
+            schema = model_of(schema.model_fields[part]) or schema
     return schema
+
+
+def model_of(field: FieldInfo) -> type[BaseModel] | None:
+    """The model of the mapping, or of the mappings in the list, that a field is; None: no such."""
+    return next(filter(None, map(_model_in, (*field.metadata, field.annotation))), None)
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
     """The model inside a list, a mapping or an option."""
+    if isinstance(annotation, Section):
+        return annotation.schema
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next(filter(None, map(_model_in, typing.get_args(annotation))), None)
+    parts = (*typing.get_args(annotation), *getattr(annotation, "__metadata__", ()))
+    return next(filter(None, map(_model_in, parts)), None)
 
 
 def _shown_text(text: str) -> str:

@@ -9,6 +9,7 @@ import dataclasses
 import enum
 import math
 import re
+import types
 import typing
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
@@ -44,21 +45,6 @@ class FileModel(BaseModel):
         defer_build=True,
     )
 
-    def arguments(self, folder: Path, **converted: Any) -> dict[str, Any]:
-        """Arguments of the class that the mapping fills: its keys in the file, and `converted`.
-
-        Relative paths are relative to `folder`; lists become tuples. A key that the class lacks
-        raises TypeError there: none is accepted and then ignored.
-        """
-        values = {name: getattr(self, name) for name in self.model_fields_set - converted.keys()}
-        return {name: _argument(value, folder) for name, value in values.items()} | converted
-
-
-def _argument(value: Any, folder: Path) -> Any:
-    if isinstance(value, list):
-        return tuple(value)
-    return folder / value if isinstance(value, Path) else value
-
 
 def _printable(text: str) -> str:
     if not text.isprintable() or text != text.strip():
@@ -87,25 +73,36 @@ Interval = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 
 
 class Section(Generic[Record]):
-    """An optional section of a file, derived from the frozen dataclass that it fills.
+    """A mapping of a file, derived from the frozen dataclass that it fills.
 
-    Used as `guidance: Annotated[Guidance, Section(Guidance)] = Field(default_factory=Guidance)`.
+    Used as `guidance: Annotated[Guidance, Section(Guidance)] = Field(default_factory=Guidance)`,
+    or for a whole file by `schema` and `filled`.
 
-    A field is one key of the same name. Angles are degrees in the file: `_rad` is written `_deg`,
-    `_radps` `_deg_per_s`. An enumeration is its value, a nested dataclass of numbers the list of
-    its fields. `Annotated[..., Field(...)]` on a field gives its limits in the units of the
-    file, for every number of a list; without limits a number is not negative, and at most 1e6.
-    A new field with a default needs nothing else.
+    A field is one key of the same name: its type, default and limits stand once, in the dataclass,
+    and its description is the text below it. Angles are degrees in the file: `_rad` is written
+    `_deg`, `_radps` `_deg_per_s`. An enumeration is its value; a dataclass of numbers without
+    defaults is the list of them, another one a mapping; a tuple is a list; a path is a text, and
+    `under` makes it relative to the file. `Annotated[..., Field(...)]` gives the limits in the
+    units of the file, for every number of a list; without limits a number is not negative, and at
+    most 1e6. A new field with a default needs nothing else.
     """
 
-    def __init__(self, record: type[Record]) -> None:
-        self._record = record
+    def __init__(
+        self, record: type[Record], *, optional: frozenset[str] = frozenset(), without: str = ""
+    ) -> None:
+        """optional: required fields that a file may lack. without: a field that is no key."""
+        self.record = record
         hints = typing.get_type_hints(record, include_extras=True)
-        self._names = {file_key(name): name for name in hints}
+        hints.pop(without, None)
+        self.names = {file_key(name): name for name in hints}
+        """Fields by their keys."""
         self._hints = {name: _bare(hint)[0] for name, hint in hints.items()}
+        needed = _needed(record) - optional
         definitions: dict[str, Any] = {
-            key: (_file_type(hints[name]), None) for key, name in self._names.items()
+            key: (_file_type(hints[name]), ... if name in needed else None)
+            for key, name in self.names.items()
         }
+        definitions |= {key: (definitions[key][0] | None, None) for key in optional}
         self.schema: type[FileModel] = create_model(
             f"{record.__name__}File", __base__=FileModel, **definitions
         )
@@ -113,25 +110,37 @@ class Section(Generic[Record]):
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """The mapping of the file, converted to the dataclass, which has the defaults."""
         mapping = handler.generate_schema(self.schema)
-        return core_schema.no_info_after_validator_function(self._filled, mapping)
+        return core_schema.no_info_after_validator_function(self.filled, mapping)
 
-    def _filled(self, section: FileModel) -> Record:
-        return self._record(
-            **{
-                self._names[key]: self._value(self._names[key], getattr(section, key))
-                for key in section.model_fields_set
-            }
-        )
+    def filled(self, section: FileModel, **given: Any) -> Record:
+        """The dataclass of a mapping that was read. given: fields in place of the file's."""
+        read = {
+            self.names[key]: self._value(self.names[key], getattr(section, key))
+            for key in section.model_fields_set
+        }
+        return self.record(**{**read, **given})
 
     def _value(self, name: str, value: Any) -> Any:
-        degrees = file_key(name) != name
+        degrees, hint = file_key(name) != name, self._hints[name]
         if isinstance(value, list):
             numbers = [math.radians(number) if degrees else number for number in value]
-            members = dataclasses.fields(self._hints[name])
-            return self._hints[name](
-                **{member.name: number for member, number in zip(members, numbers, strict=True)}
-            )
+            if not dataclasses.is_dataclass(hint):
+                return tuple(numbers)
+            members = [member.name for member in dataclasses.fields(hint)]
+            return typing.cast("Any", hint)(**dict(zip(members, numbers, strict=True)))
         return math.radians(value) if degrees and value is not None else value
+
+
+def under(folder: Path, record: Record) -> Record:
+    """A dataclass of settings with its paths, and those of its sections, relative to a folder."""
+    changes: dict[str, Any] = {}
+    for member in dataclasses.fields(typing.cast("Any", record)):
+        value = getattr(record, member.name)
+        if isinstance(value, Path):
+            changes[member.name] = folder / value
+        elif dataclasses.is_dataclass(value):
+            changes[member.name] = under(folder, value)
+    return typing.cast("Record", dataclasses.replace(typing.cast("Any", record), **changes))
 
 
 def file_key(name: str) -> str:
@@ -139,34 +148,62 @@ def file_key(name: str) -> str:
     return re.sub(r"_radps$", "_deg_per_s", re.sub(r"_rad$", "_deg", name))
 
 
-def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """A type and the limits that `Annotated` puts on it; of a class of ours or None, the class."""
+def _bare(hint: Any) -> tuple[Any, tuple[Any, ...], bool]:
+    """A type without `Annotated` and `| None`; what `Annotated` has; and whether it may be None."""
+    metadata: tuple[Any, ...] = ()
     if typing.get_origin(hint) is Annotated:
-        return hint.__origin__, hint.__metadata__
-    ours = [
-        item for item in typing.get_args(hint) if dataclasses.is_dataclass(item) or _is_enum(item)
-    ]
-    return (ours[0] if ours else hint), ()
-
-
-def _is_enum(item: Any) -> bool:
-    return isinstance(item, type) and issubclass(item, enum.Enum)
+        hint, metadata = hint.__origin__, hint.__metadata__
+    arguments = typing.get_args(hint)
+    if type(None) in arguments:
+        (hint,) = (item for item in arguments if item is not type(None))
+        return hint, metadata, True
+    return hint, metadata, False
 
 
 def _file_type(hint: Any) -> Any:
     """Type of a field in a file."""
-    bare, limits = _bare(hint)
-    if dataclasses.is_dataclass(bare):
-        count = len(dataclasses.fields(bare))
-        numbers: Any = _limited(float, limits)
-        return Annotated[list[numbers], Field(min_length=count, max_length=count)]
-    if _is_enum(bare):
-        limits = (*limits, Strict(strict=False))
-    return _limited(bare, limits)
+    bare, limits, optional = _bare(hint)
+    kind: Any
+    if typing.get_origin(bare) is tuple:
+        kind = _list_type(typing.get_args(bare), limits)
+    elif is_list(bare):
+        kind = _list_type((float,) * len(dataclasses.fields(bare)), limits)
+    elif dataclasses.is_dataclass(bare):
+        kind = Annotated[(bare, Section(typing.cast("Any", bare)), *limits)]
+    elif isinstance(bare, type) and issubclass(bare, enum.Enum):
+        kind = Annotated[(bare, Strict(strict=False), *limits)]
+    else:
+        kind = _limited({Path: FilePath, str: Name}.get(bare, bare), limits)
+    return kind | None if optional else kind
+
+
+def is_list(record: Any) -> bool:
+    """True for a dataclass that is a list in a file: of numbers, without defaults."""
+    return (
+        dataclasses.is_dataclass(record)
+        and all(hint is float for hint in typing.get_type_hints(record).values())
+        and len(_needed(record)) == len(dataclasses.fields(record))
+    )
+
+
+def _needed(record: Any) -> frozenset[str]:
+    """The fields without a default."""
+    return frozenset(
+        member.name
+        for member in dataclasses.fields(record)
+        if member.default is member.default_factory is dataclasses.MISSING
+    )
+
+
+def _list_type(items: tuple[Any, ...], limits: tuple[Any, ...]) -> Any:
+    """A list of any length, whose limits are the list's, or of numbers, whose limits are theirs."""
+    if items[-1] is Ellipsis:
+        return _limited(types.GenericAlias(list, (_file_type(items[0]),)), limits)
+    numbers = types.GenericAlias(list, (_limited(float, limits),))
+    return _limited(numbers, (Field(min_length=len(items), max_length=len(items)),))
 
 
 def _limited(bare: Any, limits: tuple[Any, ...]) -> Any:
     if bare is float and not limits:
         limits = (Field(ge=0.0, le=1e6),)
-    arguments = (bare, *limits)
-    return Annotated[arguments] if limits else bare
+    return Annotated[(bare, *limits)] if limits else bare

@@ -195,7 +195,8 @@ EMPTY_IS_NONE = {
     "site.yaml": {"workspace.min_altitude_m", "targets.splice-1.yaw_deg"},
     "vehicle.yaml": {
         "autopilot", "speed.max_mps", "power.cruise_w", "power.climb_w", "power.descent_w",
-        "power.capacity_wh", "risk.cells", "guidance.tracking_margin_m",
+        "power.capacity_wh", "risk.cells", "risk.motor_pulse_us", "risk.motor_rpm", "risk.radio",
+        "guidance.tracking_margin_m",
     },
     "companion.yaml": {
         "site", "recorder.directory", "state.directory", "view.socket",

@@ -14,7 +14,7 @@ import yaml
 
 from moar_companion.errors import InputError
 from moar_companion.planner.site import _SiteFile
-from moar_companion.settings.config import _CompanionFile
+from moar_companion.settings.config import COMPANION_FILE
 from moar_companion.settings.vehicle import _VehicleFile
 from moar_companion.settings.yaml_file import _schema_at, dotted, shown
 
@@ -26,7 +26,7 @@ dump = functools.partial(yaml.dump, Dumper=yaml.CSafeDumper)
 SCHEMAS = {
     "site.yaml": _SiteFile,
     "vehicle.yaml": _VehicleFile,
-    "companion.yaml": _CompanionFile,
+    "companion.yaml": COMPANION_FILE.schema,
 }
 FREE_NAMES = {("targets",)}
 """Mappings whose keys are the user's."""

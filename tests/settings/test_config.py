@@ -18,6 +18,7 @@ from pydantic import BaseModel
 from moar_companion.errors import InputError
 from moar_companion.planner.site import Site, _SiteFile
 from moar_companion.settings.config import (
+    COMPANION_FILE,
     Authority,
     Commands,
     CompanionConfig,
@@ -25,14 +26,13 @@ from moar_companion.settings.config import (
     Replanning,
     State,
     Supervision,
-    _CompanionFile,
     shipped_configs,
 )
 from moar_companion.settings.link_config import KeySource, LinkConfig, LinkRole
 from moar_companion.settings.risk_model import Range, RiskModel
 from moar_companion.settings.vehicle import Guidance, Power, Vehicle, _VehicleFile
-from moar_companion.settings.yaml_file import _model_in
-from moar_companion.settings.yaml_schema import Section, file_key
+from moar_companion.settings.yaml_file import model_of
+from moar_companion.settings.yaml_schema import file_key
 
 
 def load(text: str, folder: Path) -> CompanionConfig:
@@ -102,7 +102,7 @@ signing: {key_file: signing.key, credential: mavlink}
 
 def path_keys(schema: type[BaseModel], before: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     for name, field in schema.model_fields.items():
-        nested = _model_in(field.annotation)
+        nested = model_of(field)
         if nested is not None:
             yield from path_keys(nested, (*before, name))
         elif "pathlib" in repr(field.annotation):
@@ -110,7 +110,7 @@ def path_keys(schema: type[BaseModel], before: tuple[str, ...] = ()) -> Iterator
 
 
 def test_every_relative_path_is_relative_to_the_folder_of_the_file(tmp_path: Path) -> None:
-    keys = list(path_keys(_CompanionFile))
+    keys = list(path_keys(COMPANION_FILE.schema))
     assert len(keys) >= 12
     file: dict[str, Any] = {"mqtt": {"url": "mqtts://h", "vehicle": "v", "username": "u"}}
     for *sections, name in keys:
@@ -235,10 +235,9 @@ def test_the_package_carries_the_configurations_of_the_checkout() -> None:
 def documented_keys(schema: type[BaseModel]) -> Iterator[str]:
     for name, field in schema.model_fields.items():
         yield name
-        for part in (field.annotation, *field.metadata):
-            inner = part.schema if isinstance(part, Section) else _model_in(part)
-            if inner:
-                yield from documented_keys(inner)
+        inner = model_of(field)
+        if inner:
+            yield from documented_keys(inner)
 
 
 def missing_keys(schema: type[BaseModel], written: object, where: str = "") -> Iterator[str]:
@@ -252,24 +251,23 @@ def missing_keys(schema: type[BaseModel], written: object, where: str = "") -> I
         if name not in written:
             yield f"{where}{name}"
             continue
-        for part in (field.annotation, *field.metadata):
-            inner = part.schema if isinstance(part, Section) else _model_in(part)
-            if inner:
-                yield from missing_keys(inner, written[name], f"{where}{name}.")
+        inner = model_of(field)
+        if inner:
+            yield from missing_keys(inner, written[name], f"{where}{name}.")
 
 
 def test_the_shipped_configuration_has_every_key() -> None:
     written = yaml.safe_load((shipped_configs() / "companion.yaml").read_text())
-    assert list(missing_keys(_CompanionFile, written)) == []
+    assert list(missing_keys(COMPANION_FILE.schema, written)) == []
     del written["supervision"]["wind_limit_mps"], written["links"][0]["signed"], written["view"]
-    assert set(missing_keys(_CompanionFile, written)) == {
+    assert set(missing_keys(COMPANION_FILE.schema, written)) == {
         "supervision.wind_limit_mps",
         "links.signed",
         "view",
     }
 
 
-@pytest.mark.parametrize("schema", [_CompanionFile, _SiteFile, _VehicleFile])
+@pytest.mark.parametrize("schema", [COMPANION_FILE.schema, _SiteFile, _VehicleFile])
 def test_the_page_of_the_configurations_names_every_key(schema: type[BaseModel]) -> None:
     page = (shipped_configs() / "README.md").read_text()
     named = set(re.findall(r"[a-z]\w*", " ".join(re.findall(r"`[^`]+`", page))))
