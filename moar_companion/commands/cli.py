@@ -141,6 +141,13 @@ COMMANDS = {
             f"{PROGRAM} watch --mqtt mqtt://127.0.0.1 --once",
         ),
     ),
+    "docs": Subcommand(
+        module="docs",
+        summary="write the reference page and the schemas of a checkout",
+        description="For developers: write configs/reference.md, and the JSON schemas of settings "
+        "and MQTT payloads, as the code describes them.",
+        examples=(f"{PROGRAM} docs", f"{PROGRAM} docs --check"),
+    ),
 }
 """Commands by their name on the command line."""
 

@@ -35,7 +35,7 @@ Properties, each tested for any weights, risks and front:
 Over 36 scenes the safety saved deviates from the proportion by 0.38 of its range at the median,
 half the front's widest gap. With Eq. 9 the deviation is 0.73, and the safety cost rises with the
 risks in 13 scenes. Neither covers more of the paths between A* and Voronoi from the shipped
-weights: Eq. 9 stays the default. configs/README has the figures.
+weights: Eq. 9 stays the default. configs/guides/vehicle.md has the figures.
 """
 
 from __future__ import annotations

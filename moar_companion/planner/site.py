@@ -1,6 +1,6 @@
 """A site: workspace, obstacles, start, targets and landing points in one vertical plane.
 
-`Site.load(path)` reads a YAML file, described in `configs/README.md`; positions are `(x, z)` in
+`Site.load(path)` reads a YAML file, described in `configs/reference.md`; positions are `(x, z)` in
 metres in the plane.
 """
 
@@ -155,7 +155,7 @@ class Site:
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Site:
         """The site in a YAML file; raises InputError with one line when it cannot be used."""
-        file = yaml_file.read(path, _SiteFile, _findings)
+        file = yaml_file.read(path, SiteFile, _findings)
         origin = file.frame.origin
         workspace = file.workspace
         obstacles = tuple(
@@ -199,7 +199,9 @@ def _cells(extent_m: float, resolution_m: float) -> int:
 
 class _PointFile(FileModel):
     x_m: Coordinate
+    """Along the azimuth."""
     z_m: Coordinate
+    """Up."""
 
     @property
     def position_m(self) -> PlanePoint:
@@ -208,28 +210,42 @@ class _PointFile(FileModel):
 
 class _OriginFile(FileModel):
     latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)]
+    """WGS84, where x = 0, z = 0."""
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    """WGS84, there."""
     altitude_amsl_m: Annotated[float, Field(ge=-1_000.0, le=10_000.0)]
+    """Height above mean sea level of z = 0."""
 
 
 class _FrameFile(FileModel):
     origin: _OriginFile
     azimuth_deg: Annotated[float, Field(ge=0.0, le=360.0)]
+    """Compass direction of +x."""
 
 
 class _WorkspaceFile(FileModel):
     x_m: Interval
+    """`[low, high]` of the area of plans along the azimuth, low < high."""
     z_m: Interval
+    """The same, up."""
     resolution_m: PositiveLength
+    """Edge of a cell: 4,000,000 cells at most."""
     min_altitude_m: Coordinate | None = None
+    """Least z of a plan; none: the lower edge of the workspace."""
 
 
 class _ConductorFile(FileModel):
     name: Name
+    """Its name, which no other obstacle has."""
     x_m: Coordinate
+    """Its centre, along the azimuth."""
     z_m: Coordinate
+    """Its centre, up."""
     radius_m: PositiveLength
+    """Radius of the conductor."""
     keep_out_m: Length = 0.0
+    """Further distance to keep: approach distance, sway, sag; the flight's own errors are the
+    margin's."""
 
     def obstacle(self) -> Conductor:
         return Conductor(
@@ -242,8 +258,11 @@ class _ConductorFile(FileModel):
 
 class _PolygonFile(FileModel):
     name: Name
+    """Its name, which no other obstacle has."""
     vertices_m: Annotated[list[Interval], Field(min_length=3, max_length=MAX_VERTICES)]
+    """Corners `[x, z]` of a simple outline, filled, not closed by a repeated corner."""
     keep_out_m: Length = 0.0
+    """Further distance to keep, as of a conductor."""
 
     def obstacle(self) -> Polygon:
         return Polygon(
@@ -268,12 +287,19 @@ class _TargetFile(FileModel):
     """Coordinates, or a conductor with a distance from its surface and a side."""
 
     x_m: Coordinate | None = None
+    """Place of the inspection, along the azimuth; or the keys of a place beside a conductor."""
     z_m: Coordinate | None = None
+    """Place of the inspection, up."""
     conductor: Name | None = None
+    """Name of the inspected conductor."""
     standoff_m: PositiveLength | None = None
+    """Distance from its surface."""
     side: Literal["left", "right", "above", "below"] | None = None
+    """Side of it; left is towards -x."""
     dwell_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = DEFAULT_DWELL_S
+    """Hold time there."""
     yaw_deg: Annotated[float, Field(ge=-180.0, le=360.0)] | None = None
+    """Compass heading there; none: by the vehicle's `guidance.yaw_mode`."""
 
     def target(self, name: str, conductors: Mapping[str, Conductor]) -> Target:
         look_at_m = None
@@ -306,20 +332,28 @@ _SIDES = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "above": (0.0, 1.0), "below"
 
 class _LandingFile(FileModel):
     exit: list[_PointFile] = Field(default_factory=list)
+    """Landing points of an exit, any of which may serve; without one there is no exit."""
     evacuation: list[_PointFile] = Field(default_factory=list)
+    """Landing points of an evacuation, in the same way."""
 
 
-class _SiteFile(FileModel):
+class SiteFile(FileModel):
+    """A site file."""
+
     name: Name
+    """Name of the site, for texts."""
     frame: _FrameFile
     workspace: _WorkspaceFile
     obstacles: list[_ObstacleFile]
+    """Obstacles, each one `conductor` or one `polygon`; `[]` for none."""
     start: _PointFile
+    """Start of `plan`; in flight the vehicle's own position."""
     targets: dict[Name, _TargetFile] = Field(default_factory=dict)
+    """Targets by name, visited in this order."""
     landing: _LandingFile = Field(default_factory=_LandingFile)
 
 
-def _findings(file: _SiteFile) -> Iterator[FileFinding]:
+def _findings(file: SiteFile) -> Iterator[FileFinding]:
     yield from _workspace_findings(file.workspace)
     yield from _obstacle_findings(file.obstacles)
     conductors = [entry.conductor.name for entry in file.obstacles if entry.conductor]

@@ -58,18 +58,20 @@ class RiskModel:
     """Thresholds of the risk indices, each with its reason (all optional in the file)."""
 
     unknown: Annotated[float, _Fraction] = 0.5
-    """Value of an index without any known input, and of the communication risk while no link to the
-    ground is known: pessimistic, in [0, 1]."""
+    """Value of an index without any known input so far; of the communication risk while neither a
+    radio's signal, a transmitter nor a ground station is known."""
     drag_per_s: Annotated[float, _Positive] = _USUAL_DRAG[0]
-    """Linear drag: deceleration per m/s of airspeed, by the propellers. With the next about the
-    mean of two recorded quadrotors: 0.227 and 0, 0.209 and 0.008. `replay --fit-drag` fits it."""
+    """Linear drag: deceleration per m/s of airspeed, by the propellers; the wind is computed from
+    the lean by it. With the next about the mean of two recorded quadrotors: 0.227 and 0, 0.209 and
+    0.008. `replay --fit-drag` fits it."""
     drag_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = _USUAL_DRAG[1]
     """Quadratic drag: deceleration per (m/s)^2 of airspeed, by the body."""
     wind_mps: Range = field(default_factory=lambda: Range(low=3.0, high=12.0))
-    """From a light breeze to the wind in which small inspection multirotors are grounded."""
+    """Wind: from a light breeze to that in which small inspection multirotors are grounded."""
     gust_mps: Range = field(default_factory=lambda: Range(low=2.0, high=5.0))
-    """Standard deviation of the wind over half a minute: gusts are reported to pilots from 5 m/s
-    above the mean, which is 2.5 times 2 m/s; with 5 m/s the gusts alone pass the greatest wind."""
+    """Gusts, the standard deviation of the wind over half a minute. They are reported to pilots
+    from 5 m/s above the mean, which is 2.5 times 2 m/s; with 5 m/s the gusts alone pass the
+    greatest wind."""
     tilt_rad: Annotated[Range, Field(ge=0.0, le=90.0)] = field(
         default_factory=lambda: Range(low=0.17, high=0.52)
     )
@@ -81,20 +83,22 @@ class RiskModel:
     )
     """Greatest motor output over its range: above 95 % no attitude authority is left."""
     motor_pulse_us: Range | None = None
-    """Outputs of no and full thrust in their reported unit: of PX4 with DShot 1 and 1999. None:
-    pulse widths, by the autopilot's parameters, 1000 to 2000 until these are received."""
+    """Motor output of no and of full thrust in its reported unit: for PX4 with DShot [1, 1999].
+    None: pulse widths by `PWM_MAIN_MIN1`, `PWM_MAIN_MAX1` (PX4) or `MOT_PWM_MIN`, `MOT_PWM_MAX`
+    (ArduPilot), [1000, 2000] until they are reported."""
     motor_rpm: Range | None = None
-    """Speeds of no and full thrust; without it ESC_STATUS is not used."""
+    """Motor speed of no and of full thrust; none: ESC_STATUS is not used."""
     tracking_error_m: Range = field(default_factory=lambda: Range(low=1.0, high=2.0))
     """Distance from the setpoint: in calm air PX4 deviates by up to 0.98 m with the noise of its
     simulated receiver; at 2 m the path is left (`guidance.off_path_m`)."""
     radio: RadioKind | None = None
-    """Kind of the telemetry radio: the meaning of its RADIO_STATUS. None: recognised by its
-    messages, as far as these differ."""
+    """Kind of the telemetry radio, which says what its RADIO_STATUS means: `sik` is also RFD900x,
+    `elrs` ExpressLRS; with `unknown` signal and noise are not used. None: recognised by its ids and
+    fields, as far as these differ."""
     radio_margin: Range = field(default_factory=lambda: Range(low=60.0, high=10.0))
-    """RSSI above noise in SiK units (about half a decibel). In recorded flights almost no packet
-    was broken above 60. Between 10 and 30 one broke every two seconds; below 10 no packet
-    arrived."""
+    """RSSI above noise in SiK units, about half a decibel (mLRS: above -105 dBm), here and at the
+    radio's peer. In recorded flights almost no packet was broken above 60. Between 10 and 30 one
+    broke every two seconds; below 10 no packet arrived."""
     radio_quality: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.9, high=0.5)
     )
@@ -107,60 +111,72 @@ class RiskModel:
     """Free space of the radio's transmit buffer: ArduPilot slows its streams below 50 % and at 15 %
     sends a seventh of them."""
     rc_rssi: Annotated[Range, _Fraction] = field(default_factory=lambda: Range(low=0.6, high=0.2))
-    """Receivers report full signal over most of their range; a fifth of it is their edge."""
+    """Signal of the pilot's transmitter; 0 is unknown until there was another. Receivers report
+    full signal over most of their range; a fifth of it is their edge."""
     remote_control_age_s: Range = field(default_factory=lambda: Range(low=2.5, high=6.0))
-    """RC_CHANNELS is requested twice a second, and PX4 ends it when the transmitter is lost."""
+    """Time since the transmitter's channels were received, while the autopilot is received.
+    RC_CHANNELS is requested twice a second, and PX4 ends it when the transmitter is lost."""
     ground_station_age_s: Range = field(default_factory=lambda: Range(low=2.5, high=10.0))
-    """Ground stations send one heartbeat a second; autopilots report a link loss after 10 s."""
+    """Time since the ground station was received. Ground stations send one heartbeat a second;
+    autopilots report a link loss after 10 s."""
     autopilot_age_s: Range = field(default_factory=lambda: Range(low=1.5, high=3.0))
-    """Its slowest stream comes once a second; after 3 s the supervisor reports a link loss."""
+    """Time since the autopilot was received. Its slowest stream comes once a second; after 3 s the
+    supervisor reports a link loss."""
     packet_loss: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.02, high=0.3)
     )
-    """A wire loses none; of commands sent 3 times with a loss of 0.3, one in 37 never arrives."""
+    """Packets lost on our own link, each way (PX4 reports its end). A wire loses none; of commands
+    sent 3 times with a loss of 0.3, one in 37 never arrives."""
     data_rate: Annotated[Range, _Fraction] = field(default_factory=lambda: Range(low=0.5, high=0.1))
-    """Fraction of the usual rate. ArduPilot sends 0.45 of it when a radio's buffer is short, 0.13
-    when it is nearly full; any single stream that is switched off is less than half of all."""
+    """Rate of the streams that are read on our own link, as a fraction of the usual one;
+    parameters, logs and texts do not count. ArduPilot sends 0.45 of it when a radio's buffer is
+    short, 0.13 when it is nearly full; any single stream that is switched off is less than half of
+    all."""
     satellites: Range = field(default_factory=lambda: Range(low=10.0, high=5.0))
-    """A fix needs 4; autopilots refuse to arm below 6."""
+    """Satellites: a fix needs 4; autopilots refuse to arm below 6."""
     hdop: Range = field(default_factory=lambda: Range(low=1.2, high=3.0))
-    """Autopilots refuse to arm above 2.5 (PX4) or 1.4 (ArduPilot)."""
+    """Horizontal dilution of precision: autopilots refuse to arm above 2.5 (PX4) or 1.4
+    (ArduPilot)."""
     vdop: Range = field(default_factory=lambda: Range(low=2.2, high=5.0))
-    """Limits are higher than for hdop: satellites are only above, and errors of height are 1.5 to 2
-    times those of the place."""
+    """Vertical dilution of precision: limits are higher than for hdop: satellites are only above,
+    and errors of height are 1.5 to 2 times those of the place."""
     horizontal_accuracy_m: Range = field(default_factory=lambda: Range(low=1.0, high=5.0))
-    """A common receiver reports 1 m under open sky; PX4 arms up to 3 m, and drops its position at 5
+    """Horizontal accuracy that the receiver, the estimator and its odometry report. A common
+    receiver reports 1 m under open sky; PX4 arms up to 3 m, and drops its position at 5
     (COM_POS_FS_EPH), as ArduPilot does."""
     vertical_accuracy_m: Range = field(default_factory=lambda: Range(low=3.0, high=7.5))
-    """Autopilots accept receivers up to 5 m (PX4) or 7.5 m (ArduPilot)."""
+    """Vertical accuracy that they report. Autopilots accept receivers up to 5 m (PX4) or 7.5 m
+    (ArduPilot)."""
     receiver_lost: Annotated[float, _Fraction] = 0.25
-    """Risk of an aircraft that has lost one of two receivers. The other is enough for flight, but
-    the cause may affect it, too."""
+    """The risk when one of two receivers is useless; the better one counts where the autopilot uses
+    it. The other is enough for flight, but the cause may affect it, too."""
     innovation: Range = field(default_factory=lambda: Range(low=0.5, high=1.0))
-    """Part of the estimator's limit. Above 0.5 PX4 does not arm, at 0.8 in two of them ArduPilot
-    lands, and from 1 on the measurement is refused. In wind both simulators stay below 0.5, and two
-    recorded quadrotors for 99 % of their flights below 0.6."""
+    """Deviation of velocity, position, height or compass from the estimator's expectation, over its
+    limit. Above 0.5 PX4 does not arm, at 0.8 in two of them ArduPilot lands, and from 1 on the
+    measurement is refused. In wind both simulators stay below 0.5, and two recorded quadrotors for
+    99 % of their flights below 0.6."""
     position_resets: Range = field(default_factory=lambda: Range(low=1.0, high=4.0))
     """Resets of the estimator within 10 s; PX4 aligns its heading once after take-off."""
     magnetic_change: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.25, high=0.5)
     )
-    """Relative change of the field's strength against its mean: motors and calibration make up to
-    0.15 in recorded flights, in an old one 0.34; PX4 rejects a compass from 0.2 gauss on
+    """Change of the magnetic field's strength, relative to its mean: motors and calibration make up
+    to 0.15 in recorded flights, in an old one 0.34; PX4 rejects a compass from 0.2 gauss on
     (EKF2_MAG_CHK_STR), 0.4 of the earth's field."""
     battery_remaining: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.7, high=0.2)
     )
-    """At 20 % the autopilot's own warnings are near (PX4: 15 %)."""
+    """Charge left: at 20 % the autopilot's own warnings are near (PX4: 15 %)."""
     cell_voltage_v: Range = field(default_factory=lambda: Range(low=3.75, high=3.4))
-    """Lithium-polymer under load: 3.4 V is close to the knee."""
+    """Voltage of a cell, lithium-polymer under load: 3.4 V is close to the knee."""
     cells: Annotated[int | None, Field(ge=1, le=100)] = None
-    """Cells in series; without it the voltage is not used."""
+    """Cells in series; none: the voltage is not used. `check` compares it with the battery's
+    report."""
     endurance_s: Annotated[float, _Positive] = 1200.0
-    """Flight time of a full battery, for the return."""
+    """Flight time of a full battery, until it is measured."""
     home_margin_s: Range = field(default_factory=lambda: Range(low=300.0, high=60.0))
-    """Flight time left on arrival at home: a minute is the reserve for one landing; pilots return
-    home with about five minutes of twenty."""
+    """Flight time left on arrival at home, and after the mission, an exit, an evacuation: a minute
+    is the reserve for one landing; pilots return home with about five minutes of twenty."""
 
     @property
     def drag_is_usual(self) -> bool:

@@ -1,6 +1,6 @@
 """A vehicle: its size, safety distances, speeds, weights, and guidance.
 
-`Vehicle.load(path)` reads a YAML file, described in `configs/README.md`. Angles in files are
+`Vehicle.load(path)` reads a YAML file, described in `configs/reference.md`. Angles in files are
 degrees, inside radians.
 """
 
@@ -78,16 +78,20 @@ class Guidance:
     """Conversion of a plan to setpoints (all optional in the file; limits in its units)."""
 
     acceleration_mps2: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
-    """Setpoints carry no acceleration: while it is a, PX4 is off by a / (MPC_XY_P 0.95 times
-    MPC_XY_VEL_P_ACC 1.8), 0.58 m for each m/s^2."""
+    """Acceleration of the setpoint along the path and in its corners. Setpoints carry none: PX4 is
+    off by 0.58 m for each m/s² with its default gains (1 / (MPC_XY_P · MPC_XY_VEL_P_ACC))."""
     yaw_rate_radps: Annotated[float, Field(gt=0.0, le=360.0)] = 0.785
+    """Greatest rate at which the nose turns."""
     yaw_mode: YawMode = YawMode.TARGET
+    """Direction of the nose."""
     fixed_yaw_rad: Annotated[float, Field(ge=-180.0, le=360.0)] = 0.0
-    """The heading of `YawMode.FIXED`."""
+    """The heading of `fixed`."""
     tracking_slow_m: Annotated[float, _Positive] = 0.5
-    """Tracking error from which the reference slows down to wait for the aircraft."""
+    """Tracking error from which the reference slows down to wait for the aircraft, less than
+    `tracking_hold_m`. The aircraft is at the path's end within this, or after 5 s there within
+    `tracking_hold_m`."""
     tracking_hold_m: Annotated[float, _Positive] = 1.5
-    """Tracking error at which the reference stands still."""
+    """Tracking error at which the reference stands still, at most `off_path_m`."""
     off_path_m: Annotated[float, _Positive] = 2.0
     """Tracking error at which the path is left and planned again from the aircraft's place."""
     leash_m: Annotated[float, _Positive] = 3.0
@@ -95,11 +99,12 @@ class Guidance:
     wind displaces: autopilots fly to a far point at about its distance a second (MPC_XY_P,
     PSC_POSXY_P). In calm air PX4 deviates by up to 1.15 m."""
     tracking_margin_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
-    """Tracking error that distances from obstacles allow for; None: the error measured with the
-    autopilot (`autopilots`)."""
+    """Tracking error that distances from obstacles allow for; none: the error measured with the
+    autopilot."""
     recovery_m: Annotated[float, _Positive] = 60.0
-    """Greatest distance outside the workspace that is flown: a wind of 13 m/s moved a quadrotor by
-    41 m in 14 s, and the site does not describe its surroundings."""
+    """Greatest distance outside the workspace or beside the plane of a recovery leg; farther out an
+    order is refused. A wind of 13 m/s moved a quadrotor by 41 m in 14 s, and the site does not
+    describe its surroundings."""
     landing_height_m: float = 2.0
     """Height above the landing point at which a landing leg ends."""
 
@@ -109,18 +114,22 @@ class Power:
     """Power consumption of flight, until it is measured (all optional in the file)."""
 
     hover_w: Annotated[float, _Positive] = 400.0
-    """A quadrotor of 2 to 3 kg. Without `capacity_wh` only the ratios of the powers count."""
+    """Power of hovering, here of a quadrotor of 2 to 3 kg. Without `capacity_wh` only the ratios of
+    the powers count."""
     cruise_w: Annotated[float | None, _Positive] = None
-    """At `speed.horizontal_mps`; as hovering: at the speeds of an inspection the drag takes what
-    the rotors gain by the moving air."""
+    """Power of level flight at `speed.horizontal_mps`; none: as hovering, since at the speeds of an
+    inspection the drag takes what the rotors gain by the moving air."""
     climb_w: Annotated[float | None, _Positive] = None
-    """At `speed.up_mps`; by momentum theory, at 1.5 m/s 1.13 times hovering."""
+    """Power of climbing at `speed.up_mps`; none: by momentum theory, at 1.5 m/s 1.13 times
+    hovering."""
     descent_w: Annotated[float | None, _Positive] = None
-    """At `speed.down_mps`; as hovering."""
+    """Power of descending at `speed.down_mps`; none: as hovering."""
     capacity_wh: Annotated[float | None, _Positive] = None
-    """Capacity of all batteries together; by `risk.endurance_s` when it is not given."""
+    """Capacity of all flight batteries together; none: by `risk.endurance_s`, and consumption is
+    measured by the autopilot's percentage, not by the current."""
     reserve_s: float = 60.0
-    """Flight time that must be left after a landing: enough for a second one."""
+    """Flight time that must be left after the landing of an escape route: enough for a second
+    one."""
     cell_resistance_ohm: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
     """Voltage drop of a cell for each ampere; PX4's own figure (BAT1_R_INTERNAL)."""
 
@@ -146,7 +155,7 @@ class Vehicle:
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Vehicle:
         """The vehicle in a YAML file; raises InputError with one line when it cannot be used."""
-        file = yaml_file.read(path, _VehicleFile, _findings)
+        file = yaml_file.read(path, VehicleFile, _findings)
         shape, speed = file.safety, file.speed
         total = sum(shape.weights.values)
         return cls(
@@ -187,12 +196,16 @@ _Share = Annotated[float, Field(ge=0.0, le=1e6)]
 
 class _GeometryFile(FileModel):
     radius_m: Length
+    """Radius of the hull: cells nearer than this to an obstacle are occupied."""
 
 
 class _SafetyWeightsFile(FileModel):
     collision: _Share
+    """k_a (Eq. 2); the three are normalised, at least one is positive."""
     insertion: _Share
+    """k_b."""
     damage: _Share
+    """k_c."""
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -201,19 +214,31 @@ class _SafetyWeightsFile(FileModel):
 
 class _SafetyFile(FileModel):
     d_min_m: PositiveLength
+    """Distance of the full safety cost (Eq. 3)."""
     d_max_m: PositiveLength
+    """Distance of its end, more than `d_min_m`."""
     weights: _SafetyWeightsFile
     exposure: Annotated[float, Field(ge=0.0, le=10.0)] = _EXPOSURE
+    """Added to the safety cost where a failsafe of the autopilot (at low battery, RC, GCS, GPS or
+    companion loss) would hit an obstacle; by the parameters that it reports in flight, so that
+    `plan` without an autopilot has none."""
 
 
 class _SpeedFile(FileModel):
     min_mps: _Speed
+    """v_MIN (Eq. 5), not above any of the next."""
     horizontal_mps: _Speed
+    """Cruising speed in level flight."""
     up_mps: _Speed
+    """Cruising speed upwards."""
     down_mps: _Speed
+    """Cruising speed downwards."""
     diagonal_up_mps: _Speed
+    """Cruising speed upwards at 45 degrees."""
     diagonal_down_mps: _Speed
+    """Cruising speed downwards at 45 degrees."""
     max_mps: _Speed | None = None
+    """v_MAX, at least `min_mps`; none: the greatest of the cruising speeds."""
 
     @property
     def cruising(self) -> tuple[float, ...]:
@@ -225,8 +250,11 @@ _CRUISING = ("horizontal_mps", "up_mps", "down_mps", "diagonal_up_mps", "diagona
 
 class _MissionWeightsFile(FileModel):
     safety: _Share
+    """k_{S,0} (Eq. 9); the three are normalised, at least one is positive."""
     time: _Share
+    """k_{T,0}."""
     energy: _Share
+    """k_{E,0}."""
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -249,20 +277,29 @@ def _known_autopilot(value: object) -> AutopilotKind | None:
     raise PydanticCustomError("literal_error", "must be {expected}", {"expected": expected})
 
 
-class _VehicleFile(FileModel):
+class VehicleFile(FileModel):
+    """A vehicle file."""
+
     name: Name
-    autopilot: Annotated[AutopilotKind | None, PlainValidator(_known_autopilot)] = None
+    """Name of the vehicle, for texts."""
+    autopilot: Annotated[
+        AutopilotKind | None,
+        PlainValidator(_known_autopilot),
+        Field(json_schema_extra={"enum": [*AUTOPILOTS, None]}),
+    ] = None
+    """Kind of its autopilot; none: taken from its heartbeat."""
     geometry: _GeometryFile
     safety: _SafetyFile
     speed: _SpeedFile
     weights: _WeightsFile
     adaptation: Literal["paper", "calibrated"] = "paper"
+    """Rule by which risks shift the weights: Eq. 9 as printed, or calibrated on the exact front."""
     guidance: Annotated[Guidance, Section(Guidance)] = Field(default_factory=Guidance)
     power: Annotated[Power, Section(Power)] = Field(default_factory=Power)
     risk: Annotated[RiskModel, Section(RiskModel)] = Field(default_factory=RiskModel)
 
 
-def _findings(file: _VehicleFile) -> Iterator[FileFinding]:
+def _findings(file: VehicleFile) -> Iterator[FileFinding]:
     safety, speed = file.safety, file.speed
     if safety.d_min_m >= safety.d_max_m:
         problem = f"is {safety.d_min_m:g}, must be less than d_max_m ({safety.d_max_m:g})"

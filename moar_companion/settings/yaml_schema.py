@@ -12,7 +12,7 @@ import re
 import types
 import typing
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -20,6 +20,7 @@ from pydantic import (
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     GetPydanticSchema,
     Strict,
     StringConstraints,
@@ -34,7 +35,10 @@ _FAR_M = 1e6
 
 
 class FileModel(BaseModel):
-    """Schema of a mapping in a file."""
+    """Schema of a mapping in a file. The text below a field describes its key."""
+
+    settings: ClassVar[type | None] = None
+    """The dataclass that it is derived from."""
 
     model_config = ConfigDict(
         strict=True,
@@ -44,6 +48,15 @@ class FileModel(BaseModel):
         # Built when a file is first read: nested models are built as parts of it.
         defer_build=True,
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> Any:
+        """The JSON schema with the descriptions and defaults of the keys."""
+        from .file_reference import describe  # noqa: PLC0415 - no flight needs it
+
+        shown = handler(core)
+        describe(cls, handler.resolve_ref_schema(shown))
+        return shown
 
 
 def _printable(text: str) -> str:
@@ -63,6 +76,7 @@ FilePath = Annotated[
             Path, handler.generate_schema(_PathText)
         )
     ),
+    Field(json_schema_extra={"format": "path"}),
 ]
 """A path as in the file."""
 Coordinate = Annotated[float, Field(ge=-_FAR_M, le=_FAR_M)]
@@ -106,6 +120,7 @@ class Section(Generic[Record]):
         self.schema: type[FileModel] = create_model(
             f"{record.__name__}File", __base__=FileModel, **definitions
         )
+        self.schema.settings = record
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """The mapping of the file, converted to the dataclass, which has the defaults."""

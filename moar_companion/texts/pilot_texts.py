@@ -1,4 +1,4 @@
-"""Texts for pilots that belong to no condition: the table `other texts` of configs/README.md.
+"""Texts for pilots that belong to no condition: `Other texts` of configs/reference.md.
 
 Each text is a value that is called with its variable fields and returns the reason; the sender adds
 the action. Texts of the service itself: `service_texts`; of conditions: `safety/condition_texts`.
@@ -236,7 +236,7 @@ MARGIN_BLOCKS = PilotText(
     pattern="no path with margin {m} m",
     actions=_STAYS,
     meaning="there is a path without the margin, or without a part of it; the record names it",
-    remedy="see the margin in configs/README.md",
+    remedy="see configs/guides/margin.md",
 )
 UNCERTAINTY_BLOCKS = PilotText(
     pattern="no path, uncertainty {m} m",

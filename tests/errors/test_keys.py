@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 from moar_companion.errors import InputError
-from moar_companion.planner.site import _SiteFile
+from moar_companion.planner.site import SiteFile
 from moar_companion.settings.config import COMPANION_FILE
-from moar_companion.settings.vehicle import _VehicleFile
+from moar_companion.settings.vehicle import VehicleFile
 from moar_companion.settings.yaml_file import _schema_at, dotted, shown
 
 from .files import EMPTY_IS_NONE, FILES, ONE_OF_TWO, REQUIRED, parent, walk
@@ -24,8 +24,8 @@ dump = functools.partial(yaml.dump, Dumper=yaml.CSafeDumper)
 """Thousands of files are written: by the compiled library."""
 
 SCHEMAS = {
-    "site.yaml": _SiteFile,
-    "vehicle.yaml": _VehicleFile,
+    "site.yaml": SiteFile,
+    "vehicle.yaml": VehicleFile,
     "companion.yaml": COMPANION_FILE.schema,
 }
 FREE_NAMES = {("targets",)}

@@ -244,7 +244,7 @@ class Blown(enum.Enum):
 
 
 class Leash:
-    """Permitted effects of a wind on a stream's setpoints, by `configs/README.md` ("Wind").
+    """Permitted effects of a wind on a stream's setpoints, by `configs/guides/flight.md` ("Wind").
 
     Places are in the site's frame. Only setpoints with such an effect may be off the plane or
     outside the workspace.

@@ -9,9 +9,8 @@ import pytest
 from moar_companion.companion.mission_states import MissionState
 from moar_companion.companion.safety.condition_types import Action, Causes, Override
 from moar_companion.companion.safety.conditions import CONDITIONS, conditions
-from moar_companion.companion.safety.conditions_doc import updated
 from moar_companion.companion.safety.supervisor import HEALTHY, overridden, step
-from moar_companion.settings.config import LinkLoss, Supervision, shipped_configs
+from moar_companion.settings.config import LinkLoss, Supervision
 from moar_companion.types import Mission
 
 ROWS = pytest.mark.parametrize("row", CONDITIONS, ids=lambda row: row.name)
@@ -220,16 +219,3 @@ def test_the_action_of_a_lost_ground_station_is_configured(action):
     watched = Watched(conditions(Supervision(ground_link_action=action)))
     watched.look(ground_link="no ground station for 10 s")
     assert watched.ruling.action.name.lower() == action.value
-
-
-# The page ---------------------------------------------------------------------------------------
-
-
-def test_the_tables_of_the_manual_are_made_from_the_code():
-    """To update: `python -m moar_companion.companion.safety.conditions_doc configs/README.md`."""
-    page = (shipped_configs() / "README.md").read_text()
-    assert updated(page) == page
-    row = next(line for line in page.splitlines() if line.startswith("| `loop_stall`"))
-    assert updated(page.replace(row, "| another row |")) == page
-    with pytest.raises(ValueError, match="one <!-- end of texts -->"):
-        updated(page.replace("<!-- end of texts -->", ""))

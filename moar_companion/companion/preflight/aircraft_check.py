@@ -45,7 +45,7 @@ _MAX_COLLECTION_S = 20.0
 _RISK_PERIOD_S = 0.1
 
 _REFUSAL_REMEDIES = {
-    SigningRefusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), "
+    SigningRefusal.UNSIGNED: "give the sender the key (configs/guides/commanding.md), "
     "or find the sender",
     SigningRefusal.WRONG: "give the sender the key of `signing`, or find the sender",
     SigningRefusal.OLD: "compare the sender's clock with this computer's; "

@@ -1,4 +1,4 @@
-"""Texts of all conditions, as pilots read them: the table `texts` of configs/README.md.
+"""Texts of all conditions, as pilots read them: `Texts of conditions` in configs/reference.md.
 
 A text appears without its details in parentheses, which pilots do not receive. Braces hold an
 example of what varies, and after a bar the longest value. Names are cut to the available room:

@@ -1,7 +1,6 @@
 """Payloads of the MQTT topics: pydantic models, written as JSON. Pure.
 
-Their JSON schemas are shipped in `schemas/`; `python -m moar_companion.service.mqtt.schemas`
-writes them.
+Their JSON schemas are shipped in `schemas/`; `moar-companion docs` writes them.
 
 Units are in the names. Times (`time_s`, `since_s`, …) are the wall clock's, in seconds since 1970.
 `null`: unknown, or not present now. A number that is not finite becomes `null`; NaN never appears.

@@ -1,6 +1,6 @@
 """JSON schemas of the payloads, shipped beside this file.
 
-`python -m moar_companion.service.mqtt.schemas` writes them.
+`moar-companion docs` writes them.
 
 `NAME.json` is the schema of the topic NAME, with `_` for `/`.
 """

@@ -1,0 +1,163 @@
+"""`moar-companion docs`: the reference page and the schemas that the code describes.
+
+Written into a checkout: `configs/reference.md`, `configs/schemas/`, and the schemas of the MQTT
+payloads. With `--check` nothing is written, and the exit status is 1 where a file differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..companion.safety.condition_texts import examples
+from ..companion.safety.condition_types import Action
+from ..companion.safety.conditions import CONDITIONS
+from ..errors import InputError
+from ..planner.site import SiteFile
+from ..service.mqtt import schemas as mqtt
+from ..settings.config import COMPANION_FILE
+from ..settings.file_reference import json_schema, table
+from ..settings.vehicle import VehicleFile
+from ..settings.yaml_schema import FileModel
+from ..texts.pilot_texts import TEXTS
+
+_PAGE = """\
+# Reference
+
+Made by `moar-companion docs`, from the code: do not edit. Guides: [configurations](README.md).
+
+The unit of a number is in the name of its key. A key that is not listed here, a number in quotes,
+a NaN or a key given twice is an error, reported in one line: the file, the key, the value, what is
+allowed. Numbers are at most 1,000,000 unless the range says otherwise. Where the default is *none*,
+`key:` without a value means the same. Editors with a YAML language server check a file that names
+its [schema](schemas) in its first line, as those here do.
+
+## Service
+
+`companion.yaml`. Relative paths are relative to the file. The command line overrides it.
+
+{service}
+
+## Vehicle
+
+Thresholds of the section `risk` are ranges `[low, high]`: the risk is 0 at the first and 1 at the
+second, which may be the smaller one.
+
+{vehicle}
+
+## Site
+
+Positions are in the site's vertical plane: `x_m` along the azimuth, `z_m` up.
+
+{site}
+
+## Conditions
+
+What may be flown, and what happens else: [guide](guides/flight.md#what-may-be-flown).
+
+{conditions}
+
+## Texts of conditions
+
+With examples of numbers and names.
+
+{condition_texts}
+
+## Other texts
+
+{texts}
+"""
+_PACKAGE = "moar_companion"
+_FILES: dict[str, tuple[type[FileModel], str]] = {
+    "companion": (COMPANION_FILE.schema, "companion.yaml"),
+    "vehicle": (VehicleFile, "vehicles/x500.yaml"),
+    "site": (SiteFile, "sites/315kv_double_circuit.yaml"),
+}
+"""Models of the files by their names, and an example of each among the shipped ones."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options."""
+    parser.add_argument("checkout", nargs="?", default=".", metavar="DIR", help="the checkout")
+    parser.add_argument("--check", action="store_true", help="write nothing; 1 if a file differs")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Writes or checks all files; the exit status."""
+    checkout = Path(arguments.checkout)
+    if not (checkout / _PACKAGE).is_dir():
+        raise InputError(arguments.checkout, "", "is no checkout of this program")
+    differing = {path: text for path, text in _files(checkout) if not _has(path, text)}
+    for path, text in differing.items():
+        if not arguments.check:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        sys.stdout.write(f"{path}: {'differs from the code' if arguments.check else 'written'}\n")
+    return 1 if arguments.check and differing else 0
+
+
+def _files(checkout: Path) -> Iterator[tuple[Path, str]]:
+    """Each file with its text."""
+    configs = checkout / "configs"
+    yield configs / "reference.md", _page()
+    for name, (model, example) in _FILES.items():
+        content = yaml.safe_load((configs / example).read_text(encoding="utf-8"))
+        yield configs / "schemas" / f"{name}.json", _json(json_schema(model, name, content))
+    for file, text in mqtt.schemas().items():
+        yield checkout / _PACKAGE / "service" / "mqtt" / "schemas" / file, text
+
+
+def _page() -> str:
+    return _PAGE.format(
+        service=table(COMPANION_FILE.schema),
+        vehicle=table(VehicleFile),
+        site=table(SiteFile),
+        conditions=_conditions(),
+        condition_texts=_condition_texts(),
+        texts=_texts(),
+    )
+
+
+def _json(schema: dict[str, Any]) -> str:
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def _has(path: Path, text: str) -> bool:
+    return path.is_file() and path.read_text(encoding="utf-8") == text
+
+
+def _conditions() -> str:
+    rows = ["| condition | starts when | action | acts after | clears | overridden by |"]
+    rows.append("|---|---|---|---|---|---|")
+    for row in CONDITIONS:
+        clears = "by a new order" if row.latched else _seconds("over for", row.over_s, "at once")
+        if row.action is Action.RELEASE:
+            clears = f"{row.rest.value} until a new order{' or `continue`' if row.passing else ''}"
+        after = _seconds("", row.after_s, "at once")
+        rows.append(
+            f"| `{row.name}` | {row.starts} | {row.action.name.lower()} | {after} | {clears} "
+            f"| {row.override.value} |"
+        )
+    return "\n".join(rows)
+
+
+def _condition_texts() -> str:
+    rows = ["| condition | text |", "|---|---|"]
+    rows += [f"| `{row.name}` | `{text}` |" for row in CONDITIONS for text in examples(row)]
+    return "\n".join(rows)
+
+
+def _texts() -> str:
+    rows = ["| text | meaning | what can be done |", "|---|---|---|"]
+    rows += [f"| `{text.example}` | {text.meaning} | {text.remedy} |" for text in TEXTS.values()]
+    return "\n".join(rows)
+
+
+def _seconds(word: str, seconds: float, none: str) -> str:
+    return f"{word} {seconds:g} s".strip() if seconds else none
