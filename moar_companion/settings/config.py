@@ -118,9 +118,10 @@ class Supervision:
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
     """Time without any packet of the autopilot, a heartbeat or another, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
-    """A mode that was reported longer ago ends control: it may have changed. It is requested 20
-    times a second or more (ArduPilot's HEARTBEAT, PX4's CURRENT_MODE): on a link that loses 30 %, a
-    gap of this length occurs once in 10^31 reports."""
+    """A mode that was reported longer ago ends control: it may have changed. ArduPilot reports it
+    20 times a second on request, PX4 three times (CURRENT_MODE twice and when it changes, HEARTBEAT
+    once): on a link that loses 30 % a gap of this length occurs once in 10^31 reports of ArduPilot,
+    once in some 7 hours of PX4."""
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
     """An armed state that was reported longer ago ends control. Only HEARTBEAT reports it, on PX4
     once a second: on a link that loses 30 %, such a gap occurs once in 10^7."""
