@@ -15,7 +15,6 @@ from typing import Any
 
 import yaml
 
-from ..companion.safety.condition_texts import examples
 from ..companion.safety.condition_types import Action
 from ..companion.safety.conditions import CONDITIONS
 from ..errors import InputError
@@ -149,7 +148,7 @@ def _conditions() -> str:
 
 def _condition_texts() -> str:
     rows = ["| condition | text |", "|---|---|"]
-    rows += [f"| `{row.name}` | `{text}` |" for row in CONDITIONS for text in examples(row)]
+    rows += [f"| `{row.name}` | `{text}` |" for row in CONDITIONS for text in row.examples]
     return "\n".join(rows)
 
 

@@ -27,8 +27,7 @@ from .mode_requester import ModeRequester
 from .refuge import Refuge
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
-from .safety.check_inputs import CheckInputs, EscapeRoute, Host
-from .safety.condition_types import Causes
+from .safety.check_inputs import CheckInputs, EscapeRoute, Host, Unmeasured
 from .safety.position_checks import widening_m
 from .safety.supervisor import Ruling
 from .safety.uncertainty_growth import AHEAD_S
@@ -42,7 +41,7 @@ class Faults:
     """Causes that no measurement shows, kept until the supervisor has checked them."""
 
     def __init__(self) -> None:
-        self.causes = Causes()
+        self.causes = Unmeasured()
 
     def note_pause(self, paused_s: float, limit_s: float) -> None:
         """Notes a control-loop stall: more than limit_s without an output sent in time.
@@ -72,7 +71,7 @@ class Faults:
 
     def forget(self) -> None:
         """Clears the faults after a check."""
-        self.causes = Causes()
+        self.causes = Unmeasured()
 
 
 class CycleInputs:
@@ -172,7 +171,7 @@ class CycleInputs:
         )
 
     def check_inputs(
-        self, status: MissionStatus, host: Host, faults: Causes, now_s: float
+        self, status: MissionStatus, host: Host, faults: Unmeasured, now_s: float
     ) -> CheckInputs:
         """Inputs of the supervisor's checks. faults: causes that no measurement shows."""
         flight, pose = self._routes.flight, self._pose_tracker.pose

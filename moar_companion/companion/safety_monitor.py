@@ -11,9 +11,8 @@ from ..settings.config import Supervision
 from .reports import Reports
 from .safety import supervisor
 from .safety.check_inputs import CheckInputs
-from .safety.checks import causes
-from .safety.condition_types import Action, Override
-from .safety.conditions import conditions
+from .safety.condition_types import Action, Look, Override
+from .safety.conditions import causes, conditions
 from .safety.supervisor import Acting, Ruling
 
 _LISTENS_AFTER_S = 1.0
@@ -63,7 +62,7 @@ class SafetyMonitor:
 
     def rule(self, seen: CheckInputs, now_s: float) -> Ruling:
         """Judges the causes found now; returns the new ruling."""
-        found = causes(seen, self._limits, self._off_path_m, now_s)
+        found = causes(Look(seen, self._limits, self._off_path_m, now_s))
         self._watches, self._ruling = supervisor.step(self._watches, found, now_s, self._table)
         return self._ruling
 

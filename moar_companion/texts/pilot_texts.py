@@ -1,7 +1,7 @@
 """Texts for pilots that belong to no condition: `Other texts` of configs/reference.md.
 
 Each text is a value that is called with its variable fields and returns the reason; the sender adds
-the action. Texts of the service itself: `service_texts`; of conditions: `safety/condition_texts`.
+the action. Texts of the service itself: `service_texts`; of conditions: `safety/conditions`.
 """
 
 from __future__ import annotations

@@ -15,9 +15,8 @@ from moar_companion.companion.mission.state_changes import state_words
 from moar_companion.companion.mission.values import Task, Verdict
 from moar_companion.companion.mission_states import MissionState
 from moar_companion.companion.safety.check_inputs import Host
-from moar_companion.companion.safety.checks import causes
-from moar_companion.companion.safety.condition_types import Action
-from moar_companion.companion.safety.conditions import CONDITIONS
+from moar_companion.companion.safety.condition_types import Action, Look
+from moar_companion.companion.safety.conditions import CONDITIONS, causes
 from moar_companion.mavlink.telemetry import PeerHeartbeat
 from moar_companion.planner.planner import Planner
 from moar_companion.settings.config import Supervision
@@ -119,9 +118,9 @@ def test_every_condition_is_reported_in_one_chunk_with_its_limit_and_action():
     seen += itertools.chain(*map(extreme, EXTREMES))
     received = set()
     for each, azimuth_rad in itertools.product(seen, (None, 0.0, 0.8, 2.4)):
-        found = causes(replace(each, azimuth_rad=azimuth_rad), limits, 1.5, NOW_S)
+        found = causes(Look(replace(each, azimuth_rad=azimuth_rad), limits, 1.5, NOW_S))
         for row in CONDITIONS:
-            reason = getattr(found, row.name)
+            reason = found.get(row.name)
             if reason is None:
                 continue
             received.add(row.name)
@@ -168,10 +167,10 @@ def test_details_in_details_are_left_out_too():
 
 def test_the_side_of_the_plane_is_reported_by_compass_direction():
     beside = replace(moves(position_m=(5.0, 22.3, 5.0)), azimuth_rad=math.pi / 2.0)
-    words = causes(beside, Supervision(), 1.5, NOW_S).off_plane
+    words = causes(Look(beside, Supervision(), 1.5, NOW_S))["off_plane"]
     assert words == "22.3 m N of plane > 2"
     other = replace(beside, azimuth_rad=math.radians(315.0))
-    assert causes(other, Supervision(), 1.5, NOW_S).off_plane == "22.3 m SW of plane > 2"
+    assert causes(Look(other, Supervision(), 1.5, NOW_S))["off_plane"] == "22.3 m SW of plane > 2"
 
 
 def test_a_battery_with_another_number_of_cells_is_reported_at_once_and_in_the_refusal():
@@ -185,8 +184,8 @@ def test_a_battery_with_another_number_of_cells_is_reported_at_once_and_in_the_r
         escape_route=leaves(Mission.EXIT, 0.0).escape_route,
         misread="battery 0: 16.0 V, not 12S",
     )
-    found = causes(seen, Supervision(), 1.5, NOW_S)
-    reason = found.energy_exit or found.energy_evacuation
+    found = causes(Look(seen, Supervision(), 1.5, NOW_S))
+    reason = found.get("energy_exit") or found["energy_evacuation"]
     assert pilot_text(reason, "rejected") == "MOAR: battery 0: 16.0 V, not 12S, rejected"
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.companion.safety.condition_texts import action_words, examples
 from moar_companion.companion.safety.conditions import CONDITIONS
 
 from .reasons import reason
@@ -12,8 +11,8 @@ from .reasons import reason
 TEXTS = {
     words: text
     for row in CONDITIONS
-    for text in examples(row)
-    if (words := action_words(row, "")) and text.endswith(f", {words}")
+    for text in row.examples
+    if (words := row.action_words("")) and text.endswith(f", {words}")
 }
 """A text of a condition for each action."""
 ANSWERS = [

@@ -18,7 +18,7 @@ from moar_companion.companion.mission.values import (
 )
 from moar_companion.companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.companion.safety import supervisor
-from moar_companion.companion.safety.condition_types import Causes
+from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.texts.text_format import pilot_text
 from moar_companion.types import Mission
 
@@ -44,7 +44,7 @@ class Story:
     def __init__(self, *, resume=False, ready_timeout_s=30.0):
         self.status = MissionStatus()
         self.world = WELL
-        self.causes = Causes()
+        self.causes = {}
         self.watches = supervisor.HEALTHY
         self.landing_requested = False
         self.now_s = 100.0
@@ -70,19 +70,22 @@ class Story:
 
     def change(self, **changes):
         """Changes the world or the causes before the next cycle."""
-        of_causes = {name: value for name, value in changes.items() if hasattr(Causes, name)}
-        self.causes = replace(self.causes, **of_causes)
+        names = {row.name for row in CONDITIONS}
+        of_causes = {name: value for name, value in changes.items() if name in names}
+        self.causes = self.causes | of_causes
         of_world = {name: value for name, value in changes.items() if name not in of_causes}
         self.world = replace(self.world, **of_world)
 
     def rule(self):
         """Runs the supervisor once."""
         left = self.status.state in IN_CONTROL and not self.world.mode_ours
-        causes = replace(
-            self.causes,
-            landing="the autopilot has left our mode" if left and self.landing_requested else None,
-            pilot="the pilot has control" if left and not self.landing_requested else None,
-        )
+        causes = {
+            **self.causes,
+            "landing": "the autopilot has left our mode"
+            if left and self.landing_requested
+            else None,
+            "pilot": "the pilot has control" if left and not self.landing_requested else None,
+        }
         self.watches, ruling = supervisor.step(self.watches, causes, self.now_s)
         self.world = replace(self.world, ruling=ruling)
 

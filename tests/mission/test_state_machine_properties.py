@@ -8,7 +8,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from moar_companion.companion.mission.values import Answer, Order, RequestPlan
 from moar_companion.companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.companion.safety.condition_types import Action, Causes, Override
+from moar_companion.companion.safety.condition_types import Action, Override
 from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.types import Mission
 
@@ -48,8 +48,8 @@ class Events(RuleBasedStateMachine):
         ruling, causes = self.story.world.ruling, self.story.causes
         if status.order_id is not None:
             ruling = ruling.apart_from(status.known)
-        self.failsafe_known = self.failsafe_known and causes.failsafe_took_mode is not None
-        self.failsafe_new |= causes.failsafe_took_mode is not None and not self.failsafe_known
+        self.failsafe_known = self.failsafe_known and causes.get("failsafe_took_mode") is not None
+        self.failsafe_new |= causes.get("failsafe_took_mode") is not None and not self.failsafe_known
         if status.state in STREAMING:
             assert not self.failsafe_new
             if status.state in IN_CONTROL:
@@ -67,7 +67,7 @@ class Events(RuleBasedStateMachine):
     def _commanded(self):
         """True if an operator's order is being planned; an active failsafe then counts as known."""
         if any(isinstance(effect, RequestPlan) for effect in self.story.effects):
-            self.failsafe_known = self.story.causes.failsafe_took_mode is not None
+            self.failsafe_known = self.story.causes.get("failsafe_took_mode") is not None
             self.failsafe_new = False
             return True
         return False
@@ -89,13 +89,13 @@ class Events(RuleBasedStateMachine):
         self.story.now_s += seconds
         self.story.deaf = deaf
         self.story.landing_requested = landing_requested
-        self.story.causes = Causes(**causes)
+        self.story.causes = causes
         self.story.see(dwell_s=1.0, **changes)
         self._after(ticked=True)
 
     @rule()
     def all_is_well_and_the_mode_is_ours(self):
-        self.story.causes = Causes()
+        self.story.causes = {}
         self.story.see(mode_ours=True)
         self._after(ticked=True)
 

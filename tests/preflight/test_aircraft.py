@@ -7,7 +7,8 @@ import pytest
 from moar_companion.companion.preflight.aircraft import Arrivals, ReceivedData, aircraft_findings
 from moar_companion.companion.preflight.findings import Level
 from moar_companion.companion.safety.check_inputs import CheckInputs
-from moar_companion.companion.safety.checks import causes
+from moar_companion.companion.safety.condition_types import Look
+from moar_companion.companion.safety.conditions import causes
 from moar_companion.mavlink import autopilots
 from moar_companion.mavlink.identity import Autopilot
 from moar_companion.mavlink.telemetry import (
@@ -65,10 +66,12 @@ def findings(
         attitudes=STEADY,
         pose=None,
         causes=causes(
-            CheckInputs(telemetry=received, risk=risk, pose=None, position_moved_s=0.0),
-            Supervision(),
-            1.0,
-            6.0,
+            Look(
+                CheckInputs(telemetry=received, risk=risk, pose=None, position_moved_s=0.0),
+                Supervision(),
+                1.0,
+                6.0,
+            )
         ),
     )
     return {

@@ -7,7 +7,6 @@ import pytest
 from moar_companion.companion.preflight.battery_check import CHARGE
 from moar_companion.companion.preflight.findings import Finding, Level
 from moar_companion.companion.preflight.risks import risk_findings
-from moar_companion.companion.safety.condition_types import Causes
 from moar_companion.mavlink.telemetry import Battery, Estimator, Gnss, Telemetry
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.settings.risk_model import RiskModel
@@ -37,7 +36,7 @@ def found(*looks, causes=None, batteries=()):
     risk = RiskEstimate.unknown(model)
     for now_s, telemetry in looks:
         risk = update(risk, telemetry, now_s, model=model, cruise_mps=5.0)
-    findings = risk_findings(risk, causes or Causes(), batteries)
+    findings = risk_findings(risk, causes or {}, batteries)
     return {item.subject: item for item in findings}
 
 
@@ -85,7 +84,7 @@ def test_a_risk_input_that_is_received_no_more_is_a_no_go():
     ],
 )
 def test_a_limit_of_the_supervisor_that_is_passed_is_a_no_go(cause, subject, remedy):
-    finding = found((0.0, Telemetry()), causes=Causes(**{cause: "14 m"}))[subject]
+    finding = found((0.0, Telemetry()), causes={cause: "14 m"})[subject]
     assert (finding.level, finding.text) == (NO_GO, "14 m: no inspection starts")
     assert finding.remedy.startswith(remedy)
 

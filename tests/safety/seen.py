@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import replace
 
 from moar_companion.companion.estimation.pose import Pose
 from moar_companion.companion.safety.check_inputs import CheckInputs, EscapeRoute, Host
-from moar_companion.companion.safety.checks import causes
+from moar_companion.companion.safety.condition_types import Look
+from moar_companion.companion.safety.conditions import causes
 from moar_companion.mavlink.telemetry import (
     Attitude,
     Battery,
@@ -186,5 +186,4 @@ def moves(seen=HOVERING, **changes):
 
 def found(seen):
     """Causes against the flight, by name."""
-    all_causes = causes(seen, Supervision(), OFF_PATH_M, NOW_S)
-    return {name: text for name, text in dataclasses.asdict(all_causes).items() if text}
+    return causes(Look(seen, Supervision(), OFF_PATH_M, NOW_S))

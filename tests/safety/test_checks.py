@@ -4,14 +4,13 @@ beyond, and where a measurement is missing.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import replace
 
 import pytest
 
 from moar_companion.companion.safety.autopilot_failsafe import reported
-from moar_companion.companion.safety.check_inputs import Host
-from moar_companion.companion.safety.condition_types import Causes
+from moar_companion.companion.safety.check_inputs import Host, Unmeasured
+from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.mavlink.telemetry import (
     Failsafe,
     Landed,
@@ -416,7 +415,11 @@ STORIES = [
         {"perception": "obstacle unmapped for 1.1 s > 1"},
     ),
     *[
-        (f"the fault {name}", replace(IN_FLIGHT, faults=Causes(**{name: "words"})), {name: "words"})
+        (
+            f"the fault {name}",
+            replace(IN_FLIGHT, faults=Unmeasured(**{name: "words"})),
+            {name: "words"},
+        )
         for name in (
             "loop_stall",
             "autopilot_reboot",
@@ -438,7 +441,7 @@ def test_exactly_the_expected_causes_are_found(case, seen, expected):
 
 def test_every_cause_has_its_story():
     names = {name for _, _, expected in STORIES + OF_PLACE for name in expected}
-    assert names == {field.name for field in dataclasses.fields(Causes)}
+    assert names == {row.name for row in CONDITIONS}
 
 
 def test_a_failsafe_of_the_autopilot_is_identified_by_what_is_lost():

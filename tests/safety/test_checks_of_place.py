@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.companion.safety.condition_types import Causes
+from moar_companion.companion.safety.check_inputs import Unmeasured
 from moar_companion.companion.safety.position_checks import widening_m
 from moar_companion.mavlink.telemetry import Landed, LandedState, PeerHeartbeat
 from moar_companion.planner.site import Margin
@@ -254,12 +254,12 @@ STORIES = [
     ),
     (
         "a path that leaves the autopilot's fence",
-        replace(IN_FLIGHT, faults=Causes(autopilot_fence="path past FENCE_ALT_MAX 9 m")),
+        replace(IN_FLIGHT, faults=Unmeasured(autopilot_fence="path past FENCE_ALT_MAX 9 m")),
         {"autopilot_fence": "path past FENCE_ALT_MAX 9 m"},
     ),
     (
         "before control another one is planned",
-        replace(HOVERING, faults=Causes(autopilot_fence="path past FENCE_ALT_MAX 9 m")),
+        replace(HOVERING, faults=Unmeasured(autopilot_fence="path past FENCE_ALT_MAX 9 m")),
         {},
     ),
     (

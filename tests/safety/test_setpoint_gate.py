@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from moar_companion.companion.safety import setpoint_gate
-from moar_companion.companion.safety.condition_texts import TEXTS
+from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.companion.safety.setpoint_gate import (
     distance_m,
     distances_m,
@@ -244,7 +244,6 @@ def test_every_reason_of_the_gate_is_in_the_table_of_texts():
         if isinstance(item, ast.Constant) and str(item.value).startswith(("setpoint", "NED"))
     }
     assert len(words) == 9
+    (texts,) = (row.texts for row in CONDITIONS if row.name == "setpoint_held")
     for beginning in words:
-        assert any(
-            text.startswith(beginning.partition(" (")[0]) for text in TEXTS["setpoint_held"]
-        ), beginning
+        assert any(text.startswith(beginning.partition(" (")[0]) for text in texts), beginning

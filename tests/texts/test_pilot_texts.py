@@ -16,8 +16,7 @@ import moar_companion
 from moar_companion.companion.mission.state_changes import state_words
 from moar_companion.companion.mission.values import Order, Task, Verdict
 from moar_companion.companion.mission_states import MissionState
-from moar_companion.companion.safety.condition_texts import TEXTS as OF_CONDITIONS
-from moar_companion.companion.safety.condition_texts import filled
+from moar_companion.companion.safety.condition_types import filled
 from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.mavlink import modes
 from moar_companion.mavlink.autopilots import PROFILES, profile
@@ -62,7 +61,7 @@ def test_a_text_with_its_longest_values_is_sent_whole_with_each_action(name):
 
 @pytest.mark.parametrize("row", CONDITIONS, ids=lambda row: row.name)
 def test_a_condition_with_its_longest_values_is_sent_whole_with_each_action(row):
-    for text in OF_CONDITIONS[row.name]:
+    for text in row.texts:
         for action in all_actions(row):
             assert_is_whole(filled(text, longest=True), action)
 
@@ -141,7 +140,8 @@ def test_the_longest_name_is_that_of_a_site_file():
 
 
 def test_the_longest_mode_of_a_multirotor_is_in_the_texts_of_conditions():
-    assert f"|{max(mode_names(), key=len)}}}" in "".join(OF_CONDITIONS["failsafe_took_mode"])
+    (taken,) = (row.texts for row in CONDITIONS if row.name == "failsafe_took_mode")
+    assert f"|{max(mode_names(), key=len)}}}" in "".join(taken)
 
 
 @pytest.mark.parametrize(

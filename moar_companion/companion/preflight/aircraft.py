@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from ...mavlink.autopilots import PROFILES, profile
@@ -18,7 +18,6 @@ from ...settings.risk_model import RiskModel
 from ...settings.vehicle import Vehicle
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import grounded
-from ..safety.condition_types import Causes
 from ..safety.position_checks import ATTITUDE_TIMEOUT_S
 from .battery_check import battery_findings
 from .findings import Finding, Level
@@ -81,7 +80,7 @@ class ReceivedData:
     positions: Arrivals
     attitudes: Arrivals
     pose: Pose | None
-    causes: Causes
+    causes: Mapping[str, str]
 
 
 def aircraft_findings(
@@ -119,11 +118,11 @@ def _identity(received: ReceivedData, vehicle: Vehicle) -> Iterator[Finding]:
             text=f"{autopilot}, and the vehicle file names {vehicle.autopilot}",
             remedy="correct `autopilot` in the vehicle file: each has its own map projection",
         )
-    elif received.causes.autopilot_identity is not None:
+    elif "autopilot_identity" in received.causes:
         yield Finding(
             level=Level.NO_GO,
             subject="autopilot",
-            text=f"{autopilot}: {received.causes.autopilot_identity}",
+            text=f"{autopilot}: {received.causes['autopilot_identity']}",
             remedy="only multirotors are flown",
         )
     else:
@@ -253,7 +252,8 @@ def _rates(received: ReceivedData, limits: Supervision) -> Iterator[Finding]:
 
 def _place(received: ReceivedData, site: Site) -> Iterator[Finding]:
     pose, causes = received.pose, received.causes
-    obstruction = causes.autopilot_link_lost or causes.position or causes.attitude or causes.origin
+    before = ("autopilot_link_lost", "position", "attitude", "origin")
+    obstruction = next((causes[name] for name in before if name in causes), None)
     if obstruction is not None or pose is None:
         yield Finding(
             level=Level.NO_GO,
@@ -275,7 +275,7 @@ def _place(received: ReceivedData, site: Site) -> Iterator[Finding]:
             remedy="load the right site file, or correct frame.origin",
         )
         return
-    not_ready_reason = causes.off_plane or causes.not_hovering
+    not_ready_reason = causes.get("off_plane") or causes.get("not_hovering")
     if not_ready_reason is None:
         yield Finding(level=Level.OK, subject="position", text=text)
     else:

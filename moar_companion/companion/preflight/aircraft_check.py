@@ -28,8 +28,8 @@ from ...settings.link_config import LinkRole
 from ...settings.vehicle import Vehicle
 from ..estimation.pose_tracker import PoseTracker
 from ..safety.check_inputs import CheckInputs
-from ..safety.checks import causes
-from ..safety.condition_types import Causes
+from ..safety.condition_types import Look
+from ..safety.conditions import causes
 from .aircraft import Arrivals, ReceivedData, aircraft_findings
 from .failsafes import failsafe_findings, loss_findings, objection_level
 from .fence_check import fence_findings
@@ -299,7 +299,7 @@ class Preflight:
                 "give it another `component_id`",
             )
 
-    def _causes(self) -> Causes:
+    def _causes(self) -> dict[str, str]:
         """Returns the service's reasons against a flight now."""
         seen = CheckInputs(
             telemetry=self._session.telemetry,
@@ -308,7 +308,8 @@ class Preflight:
             position_moved_s=self._pose_tracker.position_moved_s,
             azimuth_rad=None if self._site is None else math.radians(self._site.frame.azimuth_deg),
         )
-        return causes(seen, self._limits, self._vehicle.guidance.off_path_m, self._now_s)
+        off_path_m = self._vehicle.guidance.off_path_m
+        return causes(Look(seen, self._limits, off_path_m, self._now_s))
 
     def _fence(self, autopilot: Profile) -> list[Finding]:
         requests = self._session.requests

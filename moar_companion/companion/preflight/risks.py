@@ -5,7 +5,7 @@ Inputs: the indices and the causes as the service has them, the findings on the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from ...mavlink.autopilots.parameter_names import Parameters
 from ...risk import IndexReport, RiskEstimate
@@ -13,7 +13,6 @@ from ...risk.holding import held_wind_mps, lowered_limit_mps, tilt_limit
 from ...settings.config import Supervision
 from ...settings.vehicle import Vehicle
 from ...types import AutopilotKind
-from ..safety.condition_types import Causes
 from .battery_check import CHARGE
 from .findings import Finding, Level
 
@@ -40,7 +39,7 @@ _UNREPORTED = "set up the autopilot to report it, or check the link's message ra
 
 
 def risk_findings(
-    estimate: RiskEstimate, causes: Causes, batteries: Iterable[Finding]
+    estimate: RiskEstimate, causes: Mapping[str, str], batteries: Iterable[Finding]
 ) -> Iterator[Finding]:
     """Yields a finding for each index, and for each limit passed. batteries: `battery_findings`."""
     misread = next((item.remedy for item in batteries if item.remedy not in ("", CHARGE)), None)
@@ -49,7 +48,7 @@ def risk_findings(
         remedy = other or usual
         yield _index(name, estimate, unknown, remedy, other or _UNREPORTED)
         for cause in limits:
-            words = getattr(causes, cause)
+            words = causes.get(cause)
             if words is not None:
                 yield Finding(
                     level=Level.NO_GO,

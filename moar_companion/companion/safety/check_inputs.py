@@ -11,7 +11,6 @@ from ...risk import RiskEstimate
 from ...settings.perception_config import Perception
 from ...types import AutopilotKind, Mission
 from ..estimation.pose import Pose
-from .condition_types import Causes
 from .file_faults import FileFault
 
 ROUTE_MAX_AGE_S = 15.0
@@ -48,6 +47,22 @@ class EscapeRoute:
     flown_left_s: float | None = None
     exposed_s: float = 0.0
     """Time until the last place from where a battery's action would hit an obstacle is passed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unmeasured:
+    """Causes that no measurement shows, by the name of the condition; None: there is none."""
+
+    autopilot_fence: str | None = None
+    autopilot_reboot: str | None = None
+    loop_stall: str | None = None
+    no_clearance: str | None = None
+    offboard_loss_collision: str | None = None
+    offboard_loss_unknown: str | None = None
+    path_barred: str | None = None
+    pilot: str | None = None
+    setpoint_held: str | None = None
+    setpoint_rejected: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,4 +134,4 @@ class CheckInputs:
     sensor_health: SensorHealth = field(default_factory=SensorHealth)
     unmapped_s: float | None = None
     """Time for which the maps have lacked an obstacle; None: they have all."""
-    faults: Causes = field(default_factory=Causes)
+    faults: Unmeasured = field(default_factory=Unmeasured)

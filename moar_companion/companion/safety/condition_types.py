@@ -1,4 +1,4 @@
-"""A condition against a flight: its action, its override, and the causes that start it. Values.
+"""A condition against a flight: its cause, its action, its override, its texts. Values.
 
 `conditions` is the table of all of them.
 """
@@ -6,10 +6,20 @@
 from __future__ import annotations
 
 import enum
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from ...settings.config import Supervision
+from ...texts.text_format import pilot_text
 from ...types import Mission
 from ..mission_states import MissionState
+from .check_inputs import CheckInputs
+
+BATTERY_MISREAD = "battery {0|255}: {16.0 V|655.3 V}, not {12|100}S"
+"""Text before control only: the answer to an order."""
+_FIELD = re.compile(r"\{([^{}]*)\}")
 
 
 class Action(enum.IntEnum):
@@ -50,77 +60,25 @@ class Override(enum.Enum):
     ORDER = "any new order"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Causes:
-    """Reason why each condition starts, as text with the number; None is healthy.
+class Look(NamedTuple):
+    """What a cause is looked for in. off_path_m: the vehicle's."""
 
-    A required measurement that is missing is a cause. The fields are the names in CONDITIONS.
-    """
-
-    loop_stall: str | None = None
-    autopilot_reboot: str | None = None
-    setpoint_rejected: str | None = None
-    autopilot_identity: str | None = None
-    autopilot_link_lost: str | None = None
-    mode_unconfirmed: str | None = None
-    position: str | None = None
-    attitude: str | None = None
-    origin: str | None = None
-    failsafe_took_mode: str | None = None
-    ground: str | None = None
-    landing: str | None = None
-    pilot: str | None = None
-    battery_critical: str | None = None
-    battery_failsafe: str | None = None
-    failsafe_reported: str | None = None
-    battery_reserve: str | None = None
-    energy_evacuation: str | None = None
-    energy_exit: str | None = None
-    energy_low_soon: str | None = None
-    failsafe_exposure: str | None = None
-    memory: str | None = None
-    setpoint_held: str | None = None
-    offboard_loss_collision: str | None = None
-    position_jump: str | None = None
-    origin_moved: str | None = None
-    position_disagreement: str | None = None
-    uncertainty: str | None = None
-    uncertainty_grows: str | None = None
-    error_reach: str | None = None
-    blind_landing: str | None = None
-    battery_landing: str | None = None
-    no_clearance: str | None = None
-    gnss: str | None = None
-    localization: str | None = None
-    control_saturated: str | None = None
-    wind: str | None = None
-    ground_link: str | None = None
-    autopilot_fence: str | None = None
-    outside_workspace: str | None = None
-    off_path: str | None = None
-    no_progress: str | None = None
-    planner: str | None = None
-    planner_late: str | None = None
-    path_barred: str | None = None
-    perception: str | None = None
-    obstacle: str | None = None
-    off_plane: str | None = None
-    not_hovering: str | None = None
-    offboard_loss_unknown: str | None = None
-    parameter_unknown: str | None = None
-    battery_silent: str | None = None
-    disk: str | None = None
-    not_flying: str | None = None
-    unmonitored: str | None = None
+    seen: CheckInputs
+    limits: Supervision
+    off_path_m: float
+    now_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
     """A row of the table.
 
-    name: a field of Causes. starts: the cause that starts it. after_s: time that its cause lasts
-    before it acts, including breaks shorter than that and over_s. over_s: time that the cause
-    must be over before it clears. latched: it then still needs a new order to clear.
+    starts: the cause that starts it, for the reference. cause: finds it, as a text with the value;
+    None: healthy. texts: its forms, as pilots read them, without the details in parentheses, which
+    they do not receive. Braces have an example of what varies, and after a bar the longest value;
+    names are cut to the available room, which their longest value fills. after_s: time that its
+    cause lasts before it acts, including breaks shorter than that and over_s. over_s: time that the
+    cause must be over before it clears. latched: it then still needs a new order to clear.
     last_setpoint: one at rest is useful when the stream ends. rest: the mission's state after that.
     passing: late or missing data alone end the stream, and may come again: the rest of the mission
     is kept for a `continue`. All other causes are a fault, or a decision of the autopilot.
@@ -128,7 +86,9 @@ class Condition:
 
     name: str
     starts: str
+    cause: Callable[[Look], str | None]
     action: Action
+    texts: tuple[str, ...]
     after_s: float = 0.0
     over_s: float = 0.0
     latched: bool = False
@@ -142,3 +102,23 @@ class Condition:
         if self.override is Override.SAFER:
             return mission is Mission.INSPECTION
         return self.override is Override.NONE
+
+    def action_words(self, text: str) -> str:
+        """The action in one of its texts; empty where the flight continues."""
+        if text == BATTERY_MISREAD:
+            return "rejected"
+        if self.action is Action.RELEASE:
+            return self.rest.words
+        if self.action is Action.CONTINUE and self.override is Override.NONE:
+            return "rejected"
+        return self.action.words
+
+    @property
+    def examples(self) -> list[str]:
+        """Its texts as they are sent, with example values."""
+        return [pilot_text(filled(text), self.action_words(text)) for text in self.texts]
+
+
+def filled(text: str, *, longest: bool = False) -> str:
+    """A text with its example values, or with the longest ones."""
+    return _FIELD.sub(lambda field: field[1].split("|")[-1 if longest else 0], text)

@@ -6,11 +6,11 @@ conditions that act, with their reasons.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from ...types import Mission
-from .condition_types import Action, Causes, Condition, Override
+from .condition_types import Action, Condition, Override
 from .conditions import CONDITIONS
 
 
@@ -128,14 +128,17 @@ class Ruling:
 
 def step(
     watches: Watches,
-    causes: Causes,
+    causes: Mapping[str, str],
     now_s: float,
     table: tuple[Condition, ...] = CONDITIONS,
 ) -> tuple[Watches, Ruling]:
-    """Runs one cycle on the causes. table: CONDITIONS, or the result of `conditions`."""
+    """Runs one cycle on the causes, by the names of their conditions.
+
+    table: CONDITIONS, or the result of `conditions`.
+    """
     after = tuple(
         watch
-        if (cause := getattr(causes, condition.name)) is None and watch is _HEALTHY
+        if (cause := causes.get(condition.name)) is None and watch is _HEALTHY
         else _watched(condition, watch, cause, now_s)
         for condition, watch in zip(table, watches, strict=True)
     )
