@@ -48,8 +48,9 @@ class Events(RuleBasedStateMachine):
         ruling, causes = self.story.world.ruling, self.story.causes
         if status.order_id is not None:
             ruling = ruling.apart_from(status.known)
-        self.failsafe_known = self.failsafe_known and causes.get("failsafe_took_mode") is not None
-        self.failsafe_new |= causes.get("failsafe_took_mode") is not None and not self.failsafe_known
+        failsafe = causes.get("failsafe_took_mode") is not None
+        self.failsafe_known = self.failsafe_known and failsafe
+        self.failsafe_new |= failsafe and not self.failsafe_known
         if status.state in STREAMING:
             assert not self.failsafe_new
             if status.state in IN_CONTROL:
