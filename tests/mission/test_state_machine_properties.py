@@ -57,7 +57,7 @@ class Events(RuleBasedStateMachine):
                 assert self.story.world.mode_ours
             for row in CONDITIONS:
                 if row.action is Action.RELEASE and row.override is Override.NONE:
-                    assert getattr(causes, row.name) is None
+                    assert causes.get(row.name) is None
         if status.state in IN_CONTROL and ruling.action in {Action.HOLD, Action.LEAVE}:
             assert status.state is MissionState.HOLDING
         if status.state in IN_CONTROL and ruling.action in {Action.EXIT, Action.EVACUATION}:
