@@ -41,12 +41,11 @@ from .mission_states import STREAMING
 from .operator_commands import OperatorCommands
 from .planning.map_jobs import MapAnswer, MapJob
 from .planning.plan_jobs import PlanAnswer, PlanJob
-from .reports import Decision, Reports
+from .reports import Decision, Reports, StartReport
 from .safety.check_inputs import Host
 from .safety.supervisor import Ruling
 from .safety_monitor import SafetyMonitor
 from .seen_obstacles import SeenObstacles
-from .start_report import StartReport
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5

@@ -1,25 +1,41 @@
-"""Reports to operators and to the record: texts, risk indices and weights, decisions."""
+"""Reports to operators and to the record: texts, risk indices and weights, decisions.
+
+`Reports` sends them. The others keep what their texts depend on: of adopted plans `PlanReports`, at
+the start `StartReport`, of signed links `SigningReport`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from ..mavlink.commands import CommandResult, result_words
+from ..mavlink.commands import Command, CommandResult, holds, result_words, stops
 from ..mavlink.identity import AutopilotConflict
 from ..mavlink.own_ids import ComponentConflict
 from ..mavlink.peers import AutopilotElsewhere, PeerRefused
 from ..mavlink.session import CommandAnswered, Event, Session, Severity
-from ..mavlink.signing import SignedLinks
+from ..mavlink.signing import SignedLinks, SigningRefusal
 from ..mavlink.telemetry import Telemetry
+from ..planner.adaptation import Adaptation
+from ..planner.comparison import path_difference
+from ..planner.plan_values import Plan
+from ..planner.regions import narrowest
+from ..planner.site import Site
+from ..risk import RiskEstimate
+from ..risk.explain import WeightsReason, risk_dict
+from ..risk.power.cells import misread
+from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts, service_texts
-from ..texts.text_format import pilot_text
-from ..types import RiskIndices, Weights
+from ..texts.text_format import coordinate, distance, limit_text, pilot_text, plural, seconds
+from ..types import Mission, RiskIndices, Weights
 from .estimation.pose import Pose
+from .estimation.pose_tracker import airborne, grounded
+from .mission_snapshot import MissionSnapshot
 from .mission_states import MissionState
+from .plan_requests import Awaited
 from .safety.file_faults import FileFault, FileFaultTexts
-from .signing_report import SigningReport
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,3 +146,196 @@ class Reports:
         """Returns the decisions since the last call."""
         decisions, self._decisions = self._decisions, []
         return decisions
+
+
+_REPORT_PERIOD_S = 10.0
+"""Minimum time between two texts about a path that a risk has moved; the record has all."""
+_RISK_MOVED = 0.05
+"""Minimum change of a risk since the last path to be reported as the reason for a move."""
+
+
+class PlanReports:
+    """Keeps the risk indices of the active path, and the time of the last text about a move."""
+
+    def __init__(self, vehicle: Vehicle, reports: Reports) -> None:
+        self._vehicle = vehicle
+        self._reports = reports
+        self._reported_s = -math.inf
+        self._flown_risk = RiskIndices()
+        """Risk indices of the active path's plan."""
+
+    def explain(
+        self,
+        awaited: Awaited,
+        plan: Plan,
+        flown: Plan | None,
+        estimate: RiskEstimate,
+        now_s: float,
+    ) -> None:
+        """Records the reason for a path; reports a path that a risk has moved.
+
+        flown: rest of the plan before it; None where that could not stay.
+        """
+        adaptation = plan.request.adaptation or Adaptation.of(self._vehicle, plan.mission)
+        difference = None if flown is None else path_difference(flown, plan)
+        self._reports.record(
+            "plan",
+            now_s,
+            first=awaited.first,
+            plan=plan.to_dict(),
+            explanation={
+                "reason": awaited.reason,
+                "risk": risk_dict(estimate),
+                "weights": WeightsReason.of(adaptation, plan.request.risk).to_dict(),
+                "path": None if difference is None else difference.to_dict(),
+            },
+        )
+        before, self._flown_risk = self._flown_risk.as_dict(), plan.request.risk
+        after = plan.request.risk.as_dict()
+        name = max(after, key=lambda name: abs(after[name] - before[name]))
+        if (
+            difference is not None
+            and abs(after[name] - before[name]) >= _RISK_MOVED
+            and now_s - self._reported_s >= _REPORT_PERIOD_S
+        ):
+            self._reported_s = now_s
+            reason = pilot_texts.PATH_MOVED(
+                risk=name,
+                fraction=coordinate(after[name], 2),
+                path=difference.gist(),
+                detail=f"was {coordinate(before[name], 2)}",
+            )
+            self._reports.send_text(Severity.INFO, reason, now_s)
+
+    def report_narrow(self, plan: Plan, site: Site, now_s: float) -> None:
+        """Reports the clearance of an escape route that keeps less than the margin."""
+        nearest = narrowest(site, self._vehicle, plan.waypoints.position_m)
+        if nearest is not None:
+            name, clearance_m, needed_m = nearest
+            reason = pilot_texts.NARROW(
+                low_m=distance(clearance_m), obstacle=name, least_m=limit_text(needed_m)
+            )
+            action = "exiting" if plan.mission is Mission.EXIT else "evacuating"
+            self._reports.send_text(Severity.WARNING, reason, now_s, action=action)
+
+
+_PATIENCE_S = 3.0
+"""EXTENDED_SYS_STATE may come later than the heartbeat; ArduPilot sends it only on request."""
+
+
+class StartReport:
+    """Reports each finding once: those of the start when an autopilot can forward the texts."""
+
+    def __init__(self, before: MissionSnapshot | None) -> None:
+        self.before = before
+        """Memory of the previous process, without a task that was released or landed since."""
+        self._received_s: float | None = None
+        self._reported = False
+        self._pack_reported = False
+
+    def note_order(self, command: Command) -> None:
+        """Takes an executed order: a release drops the task."""
+        if stops(command) and not holds(command):
+            self.drop_task()
+
+    def drop_task(self) -> None:
+        """Drops the task, which the mission status has only when the planner is ready."""
+        if self.before is not None:
+            self.before = replace(self.before, task=None)
+
+    def texts(
+        self, telemetry: Telemetry, cells: int | None, now_s: float, *, may_continue: bool
+    ) -> list[str]:
+        """Texts to report now. may_continue: the operator can order the rest of the task.
+
+        cells: of the vehicle file; None while its comparison with the pack is not due.
+        """
+        texts = self._start_texts(telemetry, now_s, may_continue=may_continue)
+        pack = None if self._pack_reported else misread(telemetry, cells)
+        if pack is not None:
+            self._pack_reported = True
+            texts.append(pack)
+        return texts
+
+    def _start_texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
+        autopilot, before = telemetry.autopilot, self.before
+        if self._reported or autopilot is None:
+            return []
+        if self._received_s is None:
+            self._received_s = now_s
+        flying = airborne(telemetry, now_s)
+        if not (flying or grounded(telemetry)) and now_s - self._received_s < _PATIENCE_S:
+            return []
+        self._reported = True
+        texts = []
+        if before is not None and (before.streamed or flying):
+            texts.append(service_texts.RESTARTED(before=before.words(now_s)))
+            if may_continue:
+                texts.append(service_texts.CONTINUE_POSSIBLE())
+        if flying and autopilot.ours:
+            texts.append(service_texts.MODE_STILL_ON(own_mode=autopilot.mode))
+        return texts
+
+
+_PERIOD_S = 30.0
+"""Time between two texts of one reason, which leaves room for other texts."""
+
+_AHEAD_S = 60.0
+"""Tolerance for new senders: with the reference less than this ahead of our clock, the sender's
+clock is wrong."""
+_REMEDY = "set this computer's clock; where it is right delete signing.json, and restart"
+
+
+class SigningReport:
+    """Counts reported so far, and the times of the reports."""
+
+    def __init__(self) -> None:
+        self._reported = dict.fromkeys(SigningRefusal, 0)
+        self._reported_s = dict.fromkeys(SigningRefusal, -math.inf)
+
+    def texts(
+        self,
+        refused: Mapping[str, Mapping[SigningRefusal, int]],
+        behind_s: Mapping[str, Mapping[int, float]],
+        now_s: float,
+        *,
+        ahead_s: float = 0.0,
+    ) -> list[str]:
+        """Returns the texts due now. refused: by link and reason, since the start.
+
+        behind_s: delay of the clocks of senders refused for that, by link and system id.
+        ahead_s: lead of the reference they are judged by over this computer's clock.
+        """
+        texts = []
+        for reason in SigningRefusal:
+            count = sum(counts[reason] for counts in refused.values())
+            if count > self._reported[reason] and now_s - self._reported_s[reason] >= _PERIOD_S:
+                number = count - self._reported[reason]
+                words = service_texts.PACKETS_REFUSED(
+                    large_count=number, plural=plural(number), refusal=reason.value
+                )
+                if reason is SigningRefusal.OLD and any(behind_s.values()):
+                    slowest = _slowest(behind_s)
+                    words = f"{slowest} ({words})"
+                    if ahead_s > _AHEAD_S:
+                        words = f"{_ahead(ahead_s)} ({_REMEDY}; {slowest})"
+                texts.append(words)
+                self._reported[reason], self._reported_s[reason] = count, now_s
+        return texts
+
+
+def _slowest(behind_s: Mapping[str, Mapping[int, float]]) -> str:
+    """Text about the signer that is farthest behind."""
+    most_s, system_id = max(
+        (late_s, system_id) for link in behind_s.values() for system_id, late_s in link.items()
+    )
+    return service_texts.SIGNER_BEHIND(id=system_id, s=seconds(most_s))
+
+
+def _ahead(ahead_s: float) -> str:
+    """Returns the lead of the kept time stamps over the computer's clock, in few words."""
+    minutes = ahead_s / 60.0
+    amount = f"{minutes:.0f} min"
+    if minutes >= 120.0:
+        amount = f"{minutes / 60.0:.1f} h" if minutes < 2880.0 else f"{minutes / 1440.0:.0f} d"
+    return service_texts.SIGNING_AHEAD(time=amount)

@@ -25,10 +25,9 @@ from .guidance.splice import Adoption
 from .mission.replanning import replan_reason, stays
 from .mission.values import Task
 from .plan_inflation import PlanInflation
-from .plan_reports import PlanReports
 from .plan_requests import Awaited, PlanRequests
 from .planning.plan_jobs import PlanAnswer, PlanJob
-from .reports import Reports
+from .reports import PlanReports, Reports
 
 _NO_PATH_ROUND = "no path round "
 _STANDS_FOR_S = 1.0

@@ -16,7 +16,7 @@ from functools import partial
 from ..settings.config import Commands
 from ..settings.link_config import LinkRole
 from ..types import Vector
-from . import autopilot_requests, ping_timesync, telemetry_receiver, translate_outgoing
+from . import autopilot_requests, telemetry_receiver, translate_outgoing
 from .autopilot_control import AutopilotControl, CommandAnswered, commands_motion
 from .autopilot_requests import AutopilotRequests
 from .codec import Codec, packet_source
@@ -29,17 +29,63 @@ from .commands import (
     Sender,
     UnsupportedCommand,
 )
-from .dialect import Message, mavlink
+from .dialect import Message, create, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .outbox import Outbox
 from .own_ids import ComponentConflict, OwnIds
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
+from .rate_limits import SenderLimit
 from .received_commands import ReceivedCommands
 from .signing import LinkSigning, SignedLinks
 from .statustext import Severity, StatusTexts
 from .telemetry import Telemetry
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_outgoing import SystemStatus
+
+_TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
+_PING = int(mavlink.MAVLINK_MSG_ID_PING)
+
+MESSAGE_IDS: frozenset[int] = frozenset({_TIMESYNC, _PING})
+"""Messages that may get an answer."""
+
+_ALL = (0, 0)
+
+
+def answer_limit() -> SenderLimit:
+    """Limit of answers, except to the autopilot: 5 a second for a sender, 20 for a link."""
+    return SenderLimit(burst=5, rate_hz=5.0, link_burst=20, link_rate_hz=20.0)
+
+
+def request_answer(
+    message: Message, *, ours: tuple[int, int], autopilot: tuple[int, int] | None, now_s: float
+) -> Message | None:
+    """Returns the answer to a request, for its link; None if none is due.
+
+    ours (the companion's), autopilot: system and component ids. Answered are TIMESYNC requests
+    (tc1 = 0) to the companion, the autopilot's to all, and PING without a target.
+    """
+    source = (message.get_srcSystem(), message.get_srcComponent())
+    message_id = message.get_msgId()
+    if message_id == _TIMESYNC and message.tc1 == 0:
+        target = (message.target_system, message.target_component)
+        if target == ours or (target == _ALL and source == autopilot):
+            return create(
+                "TIMESYNC",
+                tc1=max(1, int(now_s * 1e9)),
+                ts1=message.ts1,
+                target_system=source[0],
+                target_component=source[1],
+            )
+    if message_id == _PING and (message.target_system, message.target_component) == _ALL:
+        return create(
+            "PING",
+            time_usec=message.time_usec,
+            seq=message.seq,
+            target_system=source[0],
+            target_component=source[1],
+        )
+    return None
+
 
 __all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
 
@@ -58,7 +104,7 @@ _COMMANDS = frozenset(
 _WANTED = (
     telemetry_receiver.MESSAGE_IDS
     | autopilot_requests.MESSAGE_IDS
-    | ping_timesync.MESSAGE_IDS
+    | MESSAGE_IDS
     | _COMMANDS
     | {_COMMAND_ACK}
 )
@@ -119,7 +165,7 @@ class Session:
         """Requests of the autopilot: parameters, fence, message rates."""
         self.commands = ReceivedCommands(commands)
         """Commands to the companion, until their final answers."""
-        self._answers = ping_timesync.answer_limit()
+        self._answers = answer_limit()
         self._texts = StatusTexts()
         self._own_ids = OwnIds()
         self._events: list[Event] = []
@@ -268,7 +314,7 @@ class Session:
                 self._receive_acknowledgement(message, now_s)
         if message_id in _COMMANDS:
             self._receive_command(link, message, now_s)
-        elif message_id in ping_timesync.MESSAGE_IDS:
+        elif message_id in MESSAGE_IDS:
             self._receive_request(link, message, now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:
@@ -296,7 +342,7 @@ class Session:
 
     def _receive_request(self, link: str, message: Message, now_s: float) -> None:
         autopilot = self.autopilot
-        answer = ping_timesync.answer(
+        answer = request_answer(
             message, ours=self._ids, autopilot=autopilot.ids if autopilot else None, now_s=now_s
         )
         is_autopilots = self._receiver.is_autopilots(message, link)

@@ -31,7 +31,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from moar_companion import Mission, Plan, Planner, Site, Vehicle
-from moar_companion.planner.continuous import ContinuousCost
+from moar_companion.planner.refinement import ContinuousCost
 from moar_companion.settings.config import shipped_configs
 
 from . import peers_graph, peers_ompl

@@ -21,9 +21,9 @@ from ompl import base, geometric, util
 
 from moar_companion import Planner, Weights
 from moar_companion.planner.arrays import Field
-from moar_companion.planner.continuous import ContinuousCost
 from moar_companion.planner.grid import FloatArray, Grid
 from moar_companion.planner.polyline import leg_sums
+from moar_companion.planner.refinement import ContinuousCost
 
 KINDS = {
     "RRT*": (geometric.RRTstar, False),

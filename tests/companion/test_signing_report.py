@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.companion.companion import Companion
-from moar_companion.companion.signing_report import SigningReport
+from moar_companion.companion.reports import SigningReport
 from moar_companion.mavlink.signing import Signing, SigningKey, SigningRefusal, timestamp_at
 from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.link_config import LinkConfig

@@ -6,8 +6,7 @@ import pytest
 
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import CommandResult, DeniedCommand, MissionCommand, Sender
-from moar_companion.mavlink.permissions import Permissions
-from moar_companion.mavlink.received_commands import ReceivedCommands
+from moar_companion.mavlink.received_commands import Permissions, ReceivedCommands
 from moar_companion.settings.config import Commands
 
 from .peer import Peer

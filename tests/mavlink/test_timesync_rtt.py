@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.mavlink.autopilot_requests import TimesyncRtt
 from moar_companion.mavlink.dialect import create
-from moar_companion.mavlink.timesync_rtt import TimesyncRtt
 from moar_companion.mavlink.translate_outgoing import SystemStatus, heartbeat_message
 
 TICK_S = 0.05

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from moar_companion.service.mqtt.reconnecting import Backoff, ConnectionLog
+from moar_companion.service.mqtt_client import Backoff, ConnectionLog
 
 
 def test_pauses_double_up_to_half_a_minute():

@@ -8,7 +8,7 @@ import shapely
 from scipy import ndimage
 
 from moar_companion.perception.cell_outlines import parts_of, straightened
-from moar_companion.planner.polygon_outline import outline_problem
+from moar_companion.planner.site import outline_problem
 
 
 def cells(*rows):

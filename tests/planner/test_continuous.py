@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from moar_companion.planner.continuous import ContinuousCost
 from moar_companion.planner.planner import Planner
+from moar_companion.planner.refinement import ContinuousCost
 from moar_companion.planner.solver import walked
 from moar_companion.types import Weights
 

@@ -13,8 +13,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from moar_companion.errors import InputError
-from moar_companion.planner.polygon_outline import outline_problem
-from moar_companion.planner.site import MAX_VERTICES, Conductor, Polygon, Site, Target, Workspace
+from moar_companion.planner.site import (
+    MAX_VERTICES,
+    Conductor,
+    Polygon,
+    Site,
+    Target,
+    Workspace,
+    outline_problem,
+)
 from moar_companion.planner.site_frame import SiteFrame
 from moar_companion.settings.config import shipped_configs
 from moar_companion.types import GeodeticPoint, Mission

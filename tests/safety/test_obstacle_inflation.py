@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion.companion.plan_inflation import STEP_M, ObstacleInflation
 from moar_companion.companion.planning.planner_set import PlannerSet
-from moar_companion.companion.safety.obstacle_inflation import STEP_M, ObstacleInflation
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Site
 from moar_companion.settings.config import shipped_configs

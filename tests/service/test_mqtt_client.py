@@ -14,7 +14,6 @@ import aiomqtt
 import pytest
 
 from moar_companion.service import mqtt_client, mqtt_publisher
-from moar_companion.service.mqtt import reconnecting
 from moar_companion.service.mqtt.orders import signed_order
 from moar_companion.service.mqtt.payloads import OrderPayload
 from moar_companion.service.mqtt.topics import TOPICS
@@ -41,8 +40,8 @@ def port(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch):
-    monkeypatch.setattr(reconnecting, "_FIRST_S", 0.1)
-    monkeypatch.setattr(reconnecting, "_LONGEST_S", 0.2)
+    monkeypatch.setattr(mqtt_client, "_FIRST_S", 0.1)
+    monkeypatch.setattr(mqtt_client, "_LONGEST_S", 0.2)
     monkeypatch.setattr(mqtt_client, "_TIMEOUT_S", 0.5)
     monkeypatch.setattr(mqtt_client, "_PERIOD_S", 0.01)
 
