@@ -147,3 +147,9 @@ def pytest_runtest_makereport(item):
         report.outcome = "skipped"
         report.longrepr = (str(item.path), item.location[1], f"Skipped: {reason}")
     return report
+
+
+def pytest_unconfigure():
+    """Frozen objects would outlive the interpreter, and a decoder's library would report leaks."""
+    gc.unfreeze()
+    gc.collect()
