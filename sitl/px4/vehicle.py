@@ -41,6 +41,7 @@ _AUTOPILOT_VERSION_ID: Final = 148
 _PROTOCOL_VERSION_ID: Final = 300
 _AVAILABLE_MODES_ID: Final = 435
 _DRIFT_RADPS: Final = 0.02
+_STATUS_US: Final = 500_000
 
 
 class Px4Manner:
@@ -115,6 +116,9 @@ class Px4Manner:
         ]
         self._later: list[Callable[[], None]] = []
         self._fixes_sent = world.estimator.fix_number
+        self._status: tuple[Mode, Mode, bool] | None = None
+        self._status_us = 0
+        self._status_sent_us: dict[str, int] = {}
         self._radio = Radio(world, router)
         self._announced = False
         self._counters: dict[str, tuple[int, int, int]] = {}
@@ -280,6 +284,7 @@ class Px4Manner:
         builders, layouts = self.telemetry.builders, self.telemetry.layouts
         new_fix = world.estimator.fix_number != self._fixes_sent
         self._fixes_sent = world.estimator.fix_number
+        self._publish_status(now_us)
         made: dict[str, bytes | None] = {}
         for link, schedule in self._schedules:
             rate = world.conditions.link_rate_bytes_per_s if link.profile == "onboard" else None
@@ -287,6 +292,8 @@ class Px4Manner:
             if new_fix and schedule.unlimited("GPS_RAW_INT"):
                 names.append("GPS_RAW_INT")
             for name in names:
+                if name == "CURRENT_MODE" and not self._has_new_status(link.name):
+                    continue
                 if name in made:
                     payload = made[name]
                 elif name == "LINK_NODE_STATUS":
@@ -304,6 +311,18 @@ class Px4Manner:
             for payload in self._server.due(link.name):
                 link.send(layout("PARAM_VALUE"), payload)
         self._radio.step()
+
+    def _publish_status(self, now_us: int) -> None:
+        """Publish `vehicle_status` twice a second, and when it changes."""
+        commander = self.commander
+        status = (commander.mode, commander.intended, commander.armed)
+        if status != self._status or now_us >= self._status_us + _STATUS_US:
+            self._status, self._status_us = status, now_us
+
+    def _has_new_status(self, link: str) -> bool:
+        """Return True once for each link and published status."""
+        before, self._status_sent_us[link] = self._status_sent_us.get(link), self._status_us
+        return before != self._status_us
 
     def _version(self) -> bytes:
         return autopilot_version(self.parameters.firmware)

@@ -519,7 +519,8 @@ PROFILE = Profile(
         "WIND_COV": 2.0,
         "HIGHRES_IMU": 2.0,
         "LINK_NODE_STATUS": 1.0,
-        # It refuses another rate of its heartbeat, 1 Hz, but accepts one of CURRENT_MODE.
+        # It refuses another rate of its heartbeat, 1 Hz, but accepts one of CURRENT_MODE, at which
+        # it looks for a change; an unchanged mode comes twice a second.
         "CURRENT_MODE": 20.0,
     },
     integers_bytewise=True,
