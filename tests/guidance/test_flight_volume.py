@@ -125,3 +125,15 @@ def test_a_recovery_leg_may_begin_past_the_fence():
     assert space.refusal(aside, (leg,), **limits) == "sp outside GF_MAX_HOR_DIST 7 m"
     no_entry = replace(leg, is_entry=False)
     assert space.refusal(setpoint, (no_entry,), **limits) == "sp outside GF_MAX_HOR_DIST 7 m"
+
+
+@pytest.mark.parametrize("place_m", [(6.2, -4.0, 4.5), (5.5, 3.0, 3.8)])
+def test_from_beside_the_plane_within_a_keep_out_the_leg_leaves_that_before_it_returns(place_m):
+    """A conductor runs beside the plane, too: the straight leg back would stay as near to it."""
+    space = volume(replace(WIRE, keep_out_m=1.0))
+    first, corner, last = space.entry_leg(place_m, 0.0).points_m
+    wire = np.array((5.5, 4.5))
+    off_m = [np.hypot(*(np.array(point)[::2] - wire)) for point in (first, corner, last)]
+    assert (first, corner[1], last[1]) == (place_m, place_m[1], 0.0)
+    assert corner[::2] == last[::2]
+    assert off_m[0] < 0.1 + 1.0 + VEHICLE.radius_m <= off_m[1] + 1e-9

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...mavlink.autopilots.offboard_loss import OffboardLoss
-from ...planner.escape import recovery_leg
+from ...planner.escape import recovery_leg, refuge_leg
 from ...planner.free_distance import FreeDistance
 from ...planner.geometry import rings
 from ...planner.graph import elevation_speed_mps
@@ -273,19 +273,28 @@ class FlightVolume:
         return room_m >= self.vehicle.radius_m - within_m
 
     def entry_leg(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
-        """Recovery leg from outside the workspace; inside, the straight leg back to the plane."""
+        """Recovery leg from outside the workspace; inside, the straight leg back to the plane.
+
+        Conductors run beside the plane, too: from within a keep-out or its margin the leg leaves
+        that first, where it can.
+        """
         x_m, y_m, z_m = place_m
         if abs(y_m) > self.vehicle.guidance.recovery_m:
             return None
-        points_m = [vector(point) for point in approach_m(place_m)]
-        if self.site.workspace.outside_m((x_m, z_m)):
-            start_m = (x_m, z_m)
+        points_m, start_m = [vector(point) for point in approach_m(place_m)], (x_m, z_m)
+        if self.site.workspace.outside_m(start_m):
             corners_m = recovery_leg(
                 self.site, self.vehicle, self.maps, start_m, widened_m, self.fence
             )
             if not corners_m:
                 return None
             points_m += [(x_m, 0.0, z_m) for x_m, z_m in corners_m]
+        elif not self._may_be_carried_to(place_m, z_m, 0.0):
+            anywhere = np.zeros_like(self.maps.room_m)
+            end_m = refuge_leg(self.site, self.vehicle, self.maps, start_m, anywhere, widened_m)
+            if end_m is not None:
+                aside_m = (end_m[0], y_m, end_m[1])
+                points_m = [place_m, *map(vector, approach_m(aside_m))]
         return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, is_entry=True)
 
     def excursion(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:

@@ -100,6 +100,8 @@ def orders_by_mqtt(flight, rng):
         due[0] = flight.now_s + rng.uniform(0.2, 2.0)
         wall_s = _WALL_S + flight.now_s
         how = rng.choice(("right", "right", "forged", "repeated", "late", "other", "cut"))
+        if how == "repeated" and not earlier:
+            how = "right"
         order = OrderPayload(
             mission=rng.choice(("inspection", "exit", "evacuation", "pause", "continue")),
             target=None,
@@ -111,7 +113,7 @@ def orders_by_mqtt(flight, rng):
             "a2" if how == "other" else _VEHICLE,
             OTHER_SECRET if how == "forged" else SECRET,
         )
-        if how == "repeated" and earlier:
+        if how == "repeated":
             payload = rng.choice(earlier)
         elif how == "cut":
             payload = payload[: rng.randrange(len(payload))]
