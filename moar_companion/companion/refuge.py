@@ -44,9 +44,11 @@ until then."""
 _BLIND_M = 1.0
 """Error that dead reckoning adds until the end of the leg: 0.9 m in 5 s, as PX4 reports it."""
 _OVERDUE_S = 30.0
-"""Time after which an action that was due does not come: PX4 holds 5 s before it (COM_FAIL_ACT_T),
-ArduPilot waits 10 s (BATT_LOW_TIMER), and both filter. The escape route, on which the action would
-hit an obstacle, goes on then."""
+"""Time after which an action that a first forecast announced does not come: PX4 holds 5 s before it
+(COM_FAIL_ACT_T), ArduPilot waits 10 s (BATT_LOW_TIMER), and both filter. The escape route, on which
+the action would hit an obstacle, goes on then."""
+_OVER_S = 5.0
+"""Time without the threat after which the next forecast is a first one."""
 _BLIND_BEGINS_S = 8.0
 """Time after the loss of the fix in which a leg may begin: ArduPilot lands 7.9 s after it. An
 autopilot that has not landed by then has another source of its position."""
@@ -103,8 +105,10 @@ class Refuge:
         self._spare_m: dict[Failsafes, FloatArray] = {}
         """Drift to spare in the cells of `_spare_maps`."""
         self._spare_maps: Maps | None = None
-        self._due_since_s: float | None = None
-        """Time since which the battery's action is due by the forecast."""
+        self._expected_s: float | None = None
+        """Time of the battery's action by the first forecast; None: it does not threaten."""
+        self._threatened_s = -math.inf
+        """Time at which it threatened last."""
         self.blind_hit: str | None = None
         """Text for the autopilot's action without a position that would hit an obstacle here."""
         self.battery_landing: str | None = None
@@ -141,12 +145,14 @@ class Refuge:
         counts = blind and (leaves or self._blind_leg_may_begin(now_s))
         self.blind_hit = self._blind_hit(volume, failsafes.of(_BLIND), here_m) if counts else None
         self.battery_landing = None
-        due = landing is not None and landing[1] <= 0.0
-        if not due or self._due_since_s is None:
-            self._due_since_s = now_s if due else None
-        if self._due_since_s is not None and now_s - self._due_since_s > _OVERDUE_S:
-            return
         if landing is None or leaving_s is None or not landing[1] < leaving_s:
+            if now_s - self._threatened_s > _OVER_S:
+                self._expected_s = None
+            return
+        self._threatened_s = now_s
+        if self._expected_s is None:
+            self._expected_s = now_s + landing[1]
+        if now_s > self._expected_s + _OVERDUE_S:
             return
         needed_s = self._refuge_s(volume, failsafes, here_m)
         if needed_s is not None and needed_s < leaving_s:

@@ -7,6 +7,12 @@ import math
 import pytest
 
 from moar_companion.companion import refuge
+from moar_companion.mavlink.autopilots.failsafe_actions import (
+    NO_FAILSAFES,
+    AutopilotAction,
+    FailsafeAction,
+    Trigger,
+)
 from moar_companion.settings.config import Authority, LossCheck, Supervision
 
 from .desk import DENIED, EXIT, HOLD, INSPECTION, STEP_S, Desk
@@ -186,3 +192,26 @@ def test_no_leg_begins_above_the_landing_point_while_the_landing_is_requested():
     assert desk.said("m error would hit")
     assert east_m(desk) == pytest.approx(above_m, abs=0.01)
     assert len(desk.mode_requests()) > 1
+
+
+def test_a_landing_that_was_forecast_and_does_not_come_holds_an_evacuation_for_a_limited_time(
+    monkeypatch,
+):
+    monkeypatch.setattr(refuge.Refuge, "_refuge_s", lambda *_: 1.0)
+    desk = at_inner_target()
+    executor = desk.companion._executor
+    volume, watch = executor.routes.flight.path.volume, executor._refuge
+    land = FailsafeAction(trigger=Trigger.CRITICAL_BATTERY, action=AutopilotAction.LAND, setting="")
+
+    def threatens(now_s, left_s):
+        here_m = (11.0, 0.0, 11.0)
+        watch.look(
+            volume, NO_FAILSAFES, here_m, (land, left_s), 13.0, now_s, blind=False, leaves=True
+        )
+        return watch.battery_landing is not None
+
+    begin_s = desk.now_s + 10.0
+    assert all(threatens(begin_s + t, 11.0) for t in range(42))
+    assert not any(threatens(begin_s + t, 20.0 if t == 45 else 11.0) for t in range(42, 60))
+    assert not any(threatens(begin_s + t, 20.0) for t in range(60, 67))
+    assert threatens(begin_s + 67.0, 11.0)

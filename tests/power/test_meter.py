@@ -227,4 +227,18 @@ def test_a_charge_that_stands_after_a_fast_fall_is_no_fast_drain():
     fallen = aircraft.meter.factor
     aircraft.takes = 0.0
     assert fallen > 5.0
-    assert aircraft.fly(30.0).meter.factor < 2.0
+    assert 0.9 < aircraft.fly(30.0).meter.factor < 2.0
+
+
+@pytest.mark.parametrize("drain", [1.0, 6.0])
+def test_a_battery_that_reports_no_more_is_no_charge_that_stands(drain):
+    aircraft = Aircraft(model_of(), tells=("remaining",), takes=drain).fly(80.0)
+    before = aircraft.meter.factor
+    aircraft.silent = True
+    assert aircraft.fly(80.0).meter.factor == pytest.approx(before, rel=0.05)
+
+
+def test_a_gauge_that_stands_makes_no_power_less_than_before():
+    aircraft = Aircraft(model_of(), tells=("remaining",)).fly(150.0)
+    before, aircraft.takes = aircraft.meter.factor, 0.0
+    assert aircraft.fly(250.0).meter.factor == pytest.approx(before, abs=0.05)

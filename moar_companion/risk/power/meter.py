@@ -82,7 +82,7 @@ class _Pack(NamedTuple):
 
     received_s: time of that report. most: greatest charge that its voltage allows. reported: charge
     that the autopilot reported, the least of a noisy one; None if only a voltage gives it. marks:
-    decreases of `reported`.
+    decreases of `reported`. flown_wh: energy flown until its last report, in Wh of the file.
     """
 
     received_s: float
@@ -90,6 +90,7 @@ class _Pack(NamedTuple):
     most: float
     reported: float | None = None
     marks: tuple[_Mark, ...] = ()
+    flown_wh: float = 0.0
 
     @property
     def left(self) -> float:
@@ -180,9 +181,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     used_w = max(meter.factor * flight_w, min(drawn_w or 0.0, _GREATEST_RATIO * flight_w))
     used = used_w * elapsed_s / S_PER_H / model.capacity_wh
     packs = {
-        number: _Pack(
-            pack.received_s, pack.charge - used, pack.most - used, pack.reported, pack.marks
-        )
+        number: pack._replace(charge=pack.charge - used, most=pack.most - used)
         for number, pack in meter.packs.items()
         if number not in gone
     }
@@ -193,7 +192,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
         if pack is not None:
             packs[number] = pack
     emptiest = min(packs.values(), key=lambda pack: pack.left, default=None)
-    by_charge = _by_charge(packs, flown_wh, model)
+    by_charge = _by_charge(packs, flown_wh, meter.prior, model)
     measured = _measured(meter, drawn_w, by_charge, flight_w, elapsed_s, model)
     factor, source, prior, recent_wh, drawn_wh = measured
     return Meter(
@@ -268,7 +267,7 @@ def _received(
     reported = battery.remaining
     if reported is not None:
         least, marks = _steps(pack, reported, flown_wh, model)
-        return _Pack(battery.received_s, reported, most, least, marks)
+        return _Pack(battery.received_s, reported, most, least, marks, flown_wh)
     if pack is not None and pack.reported is not None:
         return pack._replace(most=most)
     if pack is not None and counts:
@@ -361,7 +360,7 @@ def _measured(
 
 
 def _by_charge(
-    packs: Mapping[int, _Pack], flown_wh: float, model: PowerModel
+    packs: Mapping[int, _Pack], flown_wh: float, prior: float, model: PowerModel
 ) -> tuple[float, float, float]:
     """Energies by the steps of the charge: used, flown in between, certain part of the used one.
 
@@ -370,25 +369,26 @@ def _by_charge(
     """
     oldest_wh = flown_wh - model.hover_wh(_MARKS_S)
     marked = [
-        pack.marks
+        pack
         for pack in packs.values()
         if len(pack.marks) > 1 and pack.marks[-1].flown_wh >= oldest_wh
     ]
     measured = [
-        max(_over(marks, flown_wh, model), key=lambda of: of[0] / of[1])
-        for marks in marked
-        if marks[-1].flown_wh > marks[0].flown_wh
+        max(_over(pack.marks, pack.flown_wh, prior, model), key=lambda of: of[0] / of[1])
+        for pack in marked
+        if pack.marks[-1].flown_wh > pack.marks[0].flown_wh
     ]
     return max(measured, key=lambda of: of[0] / of[1], default=(0.0, 0.0, 0.0))
 
 
 def _over(
-    marks: tuple[_Mark, ...], now_wh: float, model: PowerModel
+    marks: tuple[_Mark, ...], reported_wh: float, prior: float, model: PowerModel
 ) -> Iterator[tuple[float, float, float]]:
     """Yields the same over all marks of a battery, and over the last ones if much faster.
 
-    now_wh: energy flown until now. Where the next step is late, the rate is at most that with a
-    step now.
+    reported_wh: energy flown until its last report. Where the next step is late by then, a rate
+    above the prior factor is at most that with a step now, and not below the prior: a charge that
+    stands may be a failed gauge.
     """
     last, recent = marks[-1], marks[: 1 - _RECENT_MARKS]
     begins = [mark for mark in recent if last.flown_wh - mark.flown_wh >= model.hover_wh(_RECENT_S)]
@@ -399,9 +399,8 @@ def _over(
     rate = 0.0
     for begin, sure in steps:
         used, flown_wh = begin.charge - last.charge, last.flown_wh - begin.flown_wh
-        longer_wh = now_wh - begin.flown_wh
-        if (used + _STEP) * flown_wh < used * longer_wh:
-            used, flown_wh = used + _STEP, longer_wh
+        standing_wh = (reported_wh - begin.flown_wh) * used / (used + _STEP)
+        flown_wh = max(flown_wh, min(standing_wh, used * model.capacity_wh / prior))
         if used > _DRAINS * rate * flown_wh:
             rate = used / flown_wh
             sure_wh = (sure.charge - last.charge) * model.capacity_wh
