@@ -13,10 +13,15 @@ import pytest
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / ".github" / "examples"
 TESTS = {
-    "condition": ("safety/test_checks_of_place.py", "safety/test_condition_texts.py"),
-    "message": ("mavlink/test_translate_status.py", "mavlink/test_message_rates.py"),
-    "subcommand": ("commands/test_targets.py",),
+    "condition": (
+        "few satellites",
+        "safety/test_checks_of_place.py",
+        "safety/test_condition_texts.py",
+    ),
+    "message": ("test_vibration_is_the_greatest", "mavlink/test_translate_status.py"),
+    "subcommand": ("test_each_target_is_listed", "commands/test_targets.py"),
 }
+"""Name of a test that the example brings, and the files that are run."""
 
 
 @pytest.fixture
@@ -41,16 +46,24 @@ def test_each_example_is_in_the_page():
 @pytest.mark.parametrize("name", TESTS)
 def test_an_example_applies_and_its_tests_pass(name, copy):
     subprocess.run(["git", "apply", str(EXAMPLES / f"{name}.diff")], cwd=copy, check=True)
+    new, *files = TESTS[name]
+    options = ("-v", "-p", "no:cacheprovider", "-m", "not slow")
+    out = printed(copy, "pytest", *options, *(f"tests/{file}" for file in files))
+    assert any(new in line and "PASSED" in line for line in out.splitlines())
+    changed = printed(copy, "moar_companion", "docs").splitlines()
+    assert len(changed) == (name == "condition")
+    assert printed(copy, "moar_companion", "docs", "--check") == ""
+
+
+def printed(copy, module, *arguments):
+    """What a module prints that runs in the copy; it ends with status 0."""
     run = subprocess.run(
-        [
-            *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "not slow"),
-            *(f"tests/{file}" for file in TESTS[name]),
-        ],
+        [sys.executable, "-m", module, *arguments],
         cwd=copy,
         env={**os.environ, "PYTHONPATH": str(copy)},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert run.returncode == 0, run.stdout
-    assert " passed" in run.stdout
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout

@@ -16,23 +16,25 @@ PAGES = [
 ]
 
 
+def without_code(page):
+    """The text of a page without its code blocks."""
+    return re.sub(r"(?ms)^```.*?^```", "", page.read_text(encoding="utf-8"))
+
+
 def anchors(page):
-    """Anchors of the headings of a page, as a forge makes them."""
-    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
-    plain = (re.sub(r"\[([^]]+)\]\([^)]*\)", r"\1", heading) for heading in headings)
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in plain}
+    """Anchors of the headings of a page, as a forge makes them: of equal ones the second has -1."""
+    found = []
+    for heading in re.findall(r"(?m)^#+ (.+)$", without_code(page)):
+        plain = re.sub(r"\[([^]]+)\]\([^)]*\)", r"\1", heading).lower()
+        anchor = re.sub(r"[^\w\- ]", "", plain).replace(" ", "-")
+        found.append((anchor, sum(before == anchor for before, _ in found)))
+    return {f"{anchor}-{number}" if number else anchor for anchor, number in found}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=str)
 def test_each_link_of_a_page_leads_to_a_file_and_a_heading(page):
-    text = re.sub(
-        r"^```.*?^```",
-        "",
-        (ROOT / page).read_text(encoding="utf-8"),
-        flags=re.DOTALL | re.MULTILINE,
-    )
     broken = []
-    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+    for link in re.findall(r"\]\(([^)\s]+)\)", without_code(ROOT / page)):
         if "://" in link:
             continue
         name, _, anchor = link.partition("#")

@@ -15,16 +15,8 @@ from typing import Any
 
 import yaml
 
-from ..companion.safety.condition_types import Action
-from ..companion.safety.conditions import CONDITIONS
 from ..errors import InputError
-from ..planner.site import SiteFile
-from ..service.mqtt import schemas as mqtt
-from ..settings.config import COMPANION_FILE
-from ..settings.file_reference import json_schema, table
-from ..settings.vehicle import VehicleFile
-from ..settings.yaml_schema import FileModel
-from ..texts.pilot_texts import TEXTS
+from ..settings.input_file import open_file, unreadable
 
 _PAGE = """\
 # Reference
@@ -33,9 +25,10 @@ Made by `moar-companion docs`, from the code: do not edit. Guides: [configuratio
 
 The unit of a number is in the name of its key. A key that is not listed here, a number in quotes,
 a NaN or a key given twice is an error, reported in one line: the file, the key, the value, what is
-allowed. Numbers are at most 1,000,000 unless the range says otherwise. Where the default is *none*,
-`key:` without a value means the same. Editors with a YAML language server check a file that names
-its [schema](schemas) in its first line, as those here do.
+allowed. Numbers are within ±1,000,000 unless the range says otherwise. Where the default is *none*,
+`key:` without a value means the same. Exceptions: `vehicle` is needed, here or on the command line,
+and a target needs one of its two forms. Editors with a YAML language server check a file that
+names its [schema](schemas) in its first line, as those here do.
 
 ## Service
 
@@ -73,12 +66,6 @@ With examples of numbers and names.
 {texts}
 """
 _PACKAGE = "moar_companion"
-_FILES: dict[str, tuple[type[FileModel], str]] = {
-    "companion": (COMPANION_FILE.schema, "companion.yaml"),
-    "vehicle": (VehicleFile, "vehicles/x500.yaml"),
-    "site": (SiteFile, "sites/315kv_double_circuit.yaml"),
-}
-"""Models of the files by their names, and an example of each among the shipped ones."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,12 +77,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Writes or checks all files; the exit status."""
     checkout = Path(arguments.checkout)
-    if not (checkout / _PACKAGE).is_dir():
+    if not (checkout / "configs" / "companion.yaml").is_file():
         raise InputError(arguments.checkout, "", "is no checkout of this program")
     differing = {path: text for path, text in _files(checkout) if not _has(path, text)}
     for path, text in differing.items():
         if not arguments.check:
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         sys.stdout.write(f"{path}: {'differs from the code' if arguments.check else 'written'}\n")
     return 1 if arguments.check and differing else 0
@@ -103,24 +90,36 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _files(checkout: Path) -> Iterator[tuple[Path, str]]:
     """Each file with its text."""
+    from ..planner.site import SiteFile  # noqa: PLC0415
+    from ..service.mqtt import schemas as mqtt  # noqa: PLC0415
+    from ..settings.config import COMPANION_FILE  # noqa: PLC0415
+    from ..settings.file_reference import json_schema, table  # noqa: PLC0415
+    from ..settings.vehicle import VehicleFile  # noqa: PLC0415
+
     configs = checkout / "configs"
-    yield configs / "reference.md", _page()
-    for name, (model, example) in _FILES.items():
-        content = yaml.safe_load((configs / example).read_text(encoding="utf-8"))
-        yield configs / "schemas" / f"{name}.json", _json(json_schema(model, name, content))
+    service = COMPANION_FILE.schema
+    tables = {"service": table(service), "vehicle": table(VehicleFile), "site": table(SiteFile)}
+    yield configs / "reference.md", _PAGE.format(**tables, **_conditions(), texts=_texts())
+    for name, model, example in (
+        ("companion", service, "companion.yaml"),
+        ("vehicle", VehicleFile, "vehicles/x500.yaml"),
+        ("site", SiteFile, "sites/315kv_double_circuit.yaml"),
+    ):
+        schema = json_schema(model, name, _content(configs / example))
+        yield configs / "schemas" / f"{name}.json", _json(schema)
     for file, text in mqtt.schemas().items():
         yield checkout / _PACKAGE / "service" / "mqtt" / "schemas" / file, text
 
 
-def _page() -> str:
-    return _PAGE.format(
-        service=table(COMPANION_FILE.schema),
-        vehicle=table(VehicleFile),
-        site=table(SiteFile),
-        conditions=_conditions(),
-        condition_texts=_condition_texts(),
-        texts=_texts(),
-    )
+def _content(path: Path) -> Any:
+    """The content of a shipped file, an example."""
+    try:
+        with open_file(path) as file:
+            return yaml.safe_load(file)
+    except yaml.YAMLError:
+        raise InputError(str(path), "", "is not YAML") from None
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), "", unreadable(error)) from None
 
 
 def _json(schema: dict[str, Any]) -> str:
@@ -128,12 +127,17 @@ def _json(schema: dict[str, Any]) -> str:
 
 
 def _has(path: Path, text: str) -> bool:
-    return path.is_file() and path.read_text(encoding="utf-8") == text
+    return path.is_file() and path.read_bytes() == text.encode()
 
 
-def _conditions() -> str:
+def _conditions() -> dict[str, str]:
+    """The table of conditions, and that of their texts."""
+    from ..companion.safety.condition_types import Action  # noqa: PLC0415
+    from ..companion.safety.conditions import CONDITIONS  # noqa: PLC0415
+
     rows = ["| condition | starts when | action | acts after | clears | overridden by |"]
     rows.append("|---|---|---|---|---|---|")
+    texts = ["| condition | text |", "|---|---|"]
     for row in CONDITIONS:
         clears = "by a new order" if row.latched else _seconds("over for", row.over_s, "at once")
         if row.action is Action.RELEASE:
@@ -143,16 +147,13 @@ def _conditions() -> str:
             f"| `{row.name}` | {row.starts} | {row.action.name.lower()} | {after} | {clears} "
             f"| {row.override.value} |"
         )
-    return "\n".join(rows)
-
-
-def _condition_texts() -> str:
-    rows = ["| condition | text |", "|---|---|"]
-    rows += [f"| `{row.name}` | `{text}` |" for row in CONDITIONS for text in row.examples]
-    return "\n".join(rows)
+        texts += [f"| `{row.name}` | `{text}` |" for text in row.examples]
+    return {"conditions": "\n".join(rows), "condition_texts": "\n".join(texts)}
 
 
 def _texts() -> str:
+    from ..texts.pilot_texts import TEXTS  # noqa: PLC0415
+
     rows = ["| text | meaning | what can be done |", "|---|---|---|"]
     rows += [f"| `{text.example}` | {text.meaning} | {text.remedy} |" for text in TEXTS.values()]
     return "\n".join(rows)

@@ -31,7 +31,12 @@ the smaller inflation."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObstacleInflation:
-    """width_m: inflation in plans. since_s, less_m: start and size of a smaller need."""
+    """Extra distance from obstacles in plans, in steps, never less than needed.
+
+    It grows at once, and shrinks when less would have been enough for a while, so that noise in a
+    measurement causes no new plan. width_m: inflation in plans. since_s, less_m: start and size of
+    a smaller need.
+    """
 
     width_m: float = 0.0
     less_m: float = 0.0

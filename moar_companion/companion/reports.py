@@ -219,7 +219,7 @@ class PlanReports:
             self._reports.send_text(Severity.WARNING, reason, now_s, action=action)
 
 
-_PATIENCE_S = 3.0
+_START_PATIENCE_S = 3.0
 """EXTENDED_SYS_STATE may come later than the heartbeat; ArduPilot sends it only on request."""
 
 
@@ -264,7 +264,7 @@ class StartReport:
         if self._received_s is None:
             self._received_s = now_s
         flying = airborne(telemetry, now_s)
-        if not (flying or grounded(telemetry)) and now_s - self._received_s < _PATIENCE_S:
+        if not (flying or grounded(telemetry)) and now_s - self._received_s < _START_PATIENCE_S:
             return []
         self._reported = True
         texts = []
@@ -277,13 +277,13 @@ class StartReport:
         return texts
 
 
-_PERIOD_S = 30.0
+_REFUSED_PERIOD_S = 30.0
 """Time between two texts of one reason, which leaves room for other texts."""
 
-_AHEAD_S = 60.0
+_CLOCK_AHEAD_S = 60.0
 """Tolerance for new senders: with the reference less than this ahead of our clock, the sender's
 clock is wrong."""
-_REMEDY = "set this computer's clock; where it is right delete signing.json, and restart"
+_CLOCK_REMEDY = "set this computer's clock; where it is right delete signing.json, and restart"
 
 
 class SigningReport:
@@ -309,7 +309,8 @@ class SigningReport:
         texts = []
         for reason in SigningRefusal:
             count = sum(counts[reason] for counts in refused.values())
-            if count > self._reported[reason] and now_s - self._reported_s[reason] >= _PERIOD_S:
+            due = now_s - self._reported_s[reason] >= _REFUSED_PERIOD_S
+            if due and count > self._reported[reason]:
                 number = count - self._reported[reason]
                 words = service_texts.PACKETS_REFUSED(
                     large_count=number, plural=plural(number), refusal=reason.value
@@ -317,8 +318,8 @@ class SigningReport:
                 if reason is SigningRefusal.OLD and any(behind_s.values()):
                     slowest = _slowest(behind_s)
                     words = f"{slowest} ({words})"
-                    if ahead_s > _AHEAD_S:
-                        words = f"{_ahead(ahead_s)} ({_REMEDY}; {slowest})"
+                    if ahead_s > _CLOCK_AHEAD_S:
+                        words = f"{_ahead(ahead_s)} ({_CLOCK_REMEDY}; {slowest})"
                 texts.append(words)
                 self._reported[reason], self._reported_s[reason] = count, now_s
         return texts

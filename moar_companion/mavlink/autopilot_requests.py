@@ -25,23 +25,28 @@ from .telemetry import FenceItem, Telemetry
 from .telemetry_receiver import TelemetryReceiver
 
 _TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
-_PERIOD_S = 0.125
-_ANSWERS = 2
+_TIMESYNC_PERIOD_S = 0.125
+_TIMESYNC_ANSWERS = 2
 """Answers of which the shortest counts: one may be late for the autopilot's own delay."""
-_LOST_S = 3.0
+_TIMESYNC_LOST_S = 3.0
 """Time for 24 requests: on a link that loses 30 % each way, one of them is answered except for one
 time in 10^7."""
-_WAITING = 480
+_TIMESYNC_WAITING = 480
 """Requests that may still be answered: one minute of them."""
 
 
 class TimesyncRtt:
-    """Sends periodic TIMESYNC requests and keeps the round-trip times of the last answers."""
+    """Sends periodic TIMESYNC requests and keeps the round-trip times of the last answers.
+
+    An answer waits in the same queues as telemetry, so that it shows a link that falls behind. The
+    autopilot's clock has no influence: a simulator's may run at any speed.
+    Source: https://mavlink.io/en/services/timesync.html.
+    """
 
     def __init__(self) -> None:
-        self._asked_s: deque[tuple[int, float]] = deque(maxlen=_WAITING)
+        self._asked_s: deque[tuple[int, float]] = deque(maxlen=_TIMESYNC_WAITING)
         """ts1 and time of the open requests."""
-        self._last_s: deque[float] = deque(maxlen=_ANSWERS)
+        self._last_s: deque[float] = deque(maxlen=_TIMESYNC_ANSWERS)
         self.shortest_s = math.inf
         """Shortest round trip so far."""
         self._due_s = -math.inf
@@ -51,17 +56,17 @@ class TimesyncRtt:
 
         A request unanswered for 3 s or more counts with its waiting time.
         """
-        if len(self._last_s) < _ANSWERS:
+        if len(self._last_s) < _TIMESYNC_ANSWERS:
             return None
         least_s = min(self._last_s)
         waited_s = now_s - self._asked_s[0][1] if self._asked_s else 0.0
-        return max(least_s, waited_s) if waited_s >= _LOST_S else least_s
+        return max(least_s, waited_s) if waited_s >= _TIMESYNC_LOST_S else least_s
 
     def next_request(self, target: tuple[int, int], now_s: float) -> Message | None:
         """Request that is due now, to this system and component; None if none is due."""
         if now_s < self._due_s:
             return None
-        self._due_s = now_s + _PERIOD_S
+        self._due_s = now_s + _TIMESYNC_PERIOD_S
         stamp = max(1, int(now_s * 1e9))
         self._asked_s.append((stamp, now_s))
         return create(

@@ -33,7 +33,11 @@ from .rate_limits import SenderLimit
 
 @dataclass(frozen=True, slots=True)
 class Permissions:
-    """Rules of the configuration, for the companion of one vehicle."""
+    """Rules of the configuration, for the companion of one vehicle.
+
+    A sender chooses the ids of its packets: they separate cooperating systems only. A signature
+    alone proves who the sender is.
+    """
 
     rules: Commands
 

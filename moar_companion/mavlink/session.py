@@ -42,10 +42,12 @@ from .telemetry import Telemetry
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_outgoing import SystemStatus
 
+__all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
+
 _TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
 _PING = int(mavlink.MAVLINK_MSG_ID_PING)
 
-MESSAGE_IDS: frozenset[int] = frozenset({_TIMESYNC, _PING})
+_ANSWERED_IDS: frozenset[int] = frozenset({_TIMESYNC, _PING})
 """Messages that may get an answer."""
 
 _ALL = (0, 0)
@@ -87,8 +89,6 @@ def request_answer(
     return None
 
 
-__all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
-
 _MAX_PACKETS = 4096
 """Limit of packets kept for a record until they are taken: ten seconds of PX4."""
 
@@ -104,7 +104,7 @@ _COMMANDS = frozenset(
 _WANTED = (
     telemetry_receiver.MESSAGE_IDS
     | autopilot_requests.MESSAGE_IDS
-    | MESSAGE_IDS
+    | _ANSWERED_IDS
     | _COMMANDS
     | {_COMMAND_ACK}
 )
@@ -314,7 +314,7 @@ class Session:
                 self._receive_acknowledgement(message, now_s)
         if message_id in _COMMANDS:
             self._receive_command(link, message, now_s)
-        elif message_id in MESSAGE_IDS:
+        elif message_id in _ANSWERED_IDS:
             self._receive_request(link, message, now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:

@@ -5,6 +5,10 @@ Each message has one function, in `translate_motion`, `translate_motors`, `trans
 values for "unknown" into `None`. The opposite direction is `translate_outgoing`. Sources: the
 message definitions, and where they are ambiguous recordings of PX4 v1.17/v1.18 and ArduCopter
 4.6.3.
+
+HEARTBEAT reports only that a failsafe is active; a STATUSTEXT names it. One text reports its end,
+and a link may lose that text: so each failsafe also ends some time after its last sign. The texts
+are in the autopilot's profile.
 """
 
 from __future__ import annotations
@@ -33,7 +37,7 @@ _FIX_3D = 3
 """Fix type required beside an absolute position, which dead reckoning by the wind reports, too."""
 
 
-def read(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+def failsafes_by_text(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     """Telemetry with the failsafe that a text begins or ends."""
     text, reported = message.text, telemetry.failsafes_reported
     rows = profile_of(telemetry).failsafe_texts
@@ -44,7 +48,7 @@ def read(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     return telemetry if after == reported else replace(telemetry, failsafes_reported=after)
 
 
-def lasting(telemetry: Telemetry, now_s: float) -> dict[Failsafe, float]:
+def lasting_failsafes(telemetry: Telemetry, now_s: float) -> dict[Failsafe, float]:
     """Reported failsafes that are still active, with the times of their last signs.
 
     Called at each heartbeat. A doubtful position is a sign of an estimator failsafe.
@@ -157,7 +161,7 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
         failsafe_since_s = before.failsafe_since_s if before.failsafe else now_s
     return replace(
         telemetry,
-        failsafes_reported={} if cleared else lasting(telemetry, now_s),
+        failsafes_reported={} if cleared else lasting_failsafes(telemetry, now_s),
         autopilot=AutopilotStatus(
             received_s=now_s,
             system_id=message.get_srcSystem(),
@@ -234,7 +238,7 @@ def _current_mode(telemetry: Telemetry, message: Message, now_s: float) -> Telem
 _TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
     CURRENT_MODE_ID: _current_mode,
-    mavlink.MAVLINK_MSG_ID_STATUSTEXT: read,
+    mavlink.MAVLINK_MSG_ID_STATUSTEXT: failsafes_by_text,
     **translate_motion.TRANSLATORS,
     **translate_motors.TRANSLATORS,
     **translate_obstacles.TRANSLATORS,

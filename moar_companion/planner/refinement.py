@@ -40,7 +40,11 @@ OCCUPIED, FREE, CLEAR = 0, 1, 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContinuousCost:
-    """J of continuous paths on the maps of one site."""
+    """J of continuous paths on the maps of one site: for planners without a grid, too.
+
+    Points are joined by straight legs; J is infinite for a path that leaves the free cells.
+    `polyline` defines the samples of a leg.
+    """
 
     field: Field
     v_max_mps: float

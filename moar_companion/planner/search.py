@@ -28,7 +28,11 @@ from .jit import BOOL, F8, I8, U1, jit, none, read, several, written
 def put(
     keys: FloatArray, items: IntArray, position: IntArray, size: int, key: float, item: int
 ) -> int:
-    """Puts an item into the heap, or lowers its key there; the heap's size then."""
+    """Puts an item into the heap, or lowers its key there; the heap's size then.
+
+    keys, items: of the heap, in its order, the least key first. position: the place of each item in
+    it, -1 for absent items.
+    """
     at = position[item]
     if at < 0:
         at = size

@@ -1,4 +1,4 @@
-"""The shell of the companion: the only room with sockets, threads, files and clocks.
+"""The shell of the companion: the only package with sockets, threads, files and clocks.
 
 In: datagrams and bytes of links, lidar packets, files, signals. Out: the companion's packets, its
 recording, log, live status and MQTT. Read first: `app` (one loop, which runs the companion),

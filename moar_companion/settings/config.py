@@ -140,7 +140,7 @@ class Supervision:
     the error measured with the vehicle's autopilot."""
     position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
     """Uncertainty of the position above which no mission is flown, at least
-    `position_uncertainty_m`; from that on obstacles grow by the excess."""
+    `position_uncertainty_m`. Obstacles grow by the excess over that one."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
     """Fraction of the charge at which the exit begins."""
     ground_link_lost_s: Annotated[float, _Seconds] = 10.0
@@ -168,10 +168,10 @@ class Supervision:
     """Longest wait of an inspection for a new plan in flight; after half of it the flight slows
     down. Plans take milliseconds; without an answer the request is repeated after 5 s: twice."""
     disk_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 200.0
-    """Free disk space, below which an inspection is held: an hour of recording takes about 100
+    """Free disk space, below which no inspection starts: an hour of recording takes about 100
     MB."""
     memory_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 100.0
-    """Available memory of the computer, below which an inspection is held."""
+    """Available memory of the computer, below which the exit is flown."""
     fence_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] = 1.5
     """Distance of plans and setpoints from the autopilot's own fence; ArduPilot's `FENCE_MARGIN`
     where that is more. PX4's greatest distance from its setpoint was 1.15 m, and half a cell of 0.3

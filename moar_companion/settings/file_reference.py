@@ -84,7 +84,7 @@ def _defaults(settings: Any) -> dict[str, _Schema]:
 
 
 def _as_written(value: Any, *, degrees: bool) -> Any:
-    """A value as in a file; degrees to two digits, as they are meant."""
+    """A value as in a file; degrees to three digits."""
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, tuple):
@@ -93,7 +93,7 @@ def _as_written(value: Any, *, degrees: bool) -> Any:
         members = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
         written = {key: _as_written(item, degrees=degrees) for key, item in members.items()}
         return list(written.values()) if is_list(type(value)) else written
-    return float(f"{math.degrees(value):.2g}") if degrees else value
+    return float(f"{math.degrees(value):.3g}") if degrees else value
 
 
 def _rows(schema: _Schema, definitions: dict[str, _Schema], before: str) -> Iterator[str]:
@@ -141,7 +141,7 @@ def _default(field: _Schema, *, needed: bool) -> str:
     if needed:
         return "required"
     default = field.get("default")
-    return "none" if default in (None, [], {}) else f"`{_written(default)}`"
+    return "none" if default is None else f"`{_written(default)}`"
 
 
 def _written(value: Any) -> str:
@@ -165,7 +165,7 @@ def _range(kind: _Schema, definitions: dict[str, _Schema]) -> str:
     if kind["type"] == "string":
         return "text"
     if kind["type"] == "object":
-        return "mapping of names" if "additionalProperties" in kind else ""
+        return "mapping of names" if isinstance(kind.get("additionalProperties"), dict) else ""
     if kind["type"] == "array":
         return _list_range(kind, definitions)
     return _number_range(kind)

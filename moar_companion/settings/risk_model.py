@@ -75,9 +75,9 @@ class RiskModel:
     tilt_rad: Annotated[Range, Field(ge=0.0, le=90.0)] = field(
         default_factory=lambda: Range(low=0.17, high=0.52)
     )
-    """Lean in hover against the wind: from 10 deg to 30 deg, the limit of ArduPilot in position
-    control, and of PX4 less a third for manoeuvres. Flights against the wind are forecast no faster
-    than the second allows."""
+    """Lean in hover against the wind: from about 10 deg to 30 deg, the limit of ArduPilot in
+    position control, and of PX4 less a third for manoeuvres. Flights against the wind are forecast
+    no faster than the second allows."""
     motor_fraction: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.75, high=0.95)
     )
@@ -102,8 +102,8 @@ class RiskModel:
     radio_quality: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.9, high=0.5)
     )
-    """Packets received by the radio, of those sent (ExpressLRS, mLRS). One lost in ten is repeated
-    in time; of commands sent 3 times with a loss of 0.5, one in 8 never arrives."""
+    """Packets received, of those sent: ExpressLRS here, mLRS here and at its peer. One lost in ten
+    is repeated in time; of commands sent 3 times with a loss of 0.5, one in 8 never arrives."""
     receive_errors_hz: Range = field(default_factory=lambda: Range(low=0.4, high=2.0))
     """Broken packets a second at the local radio, over 3 s: one is chance. In those flights 0.004
     above a margin of 60, and up to 5 at the edge of reception."""
@@ -156,7 +156,8 @@ class RiskModel:
     measurement is refused. In wind both simulators stay below 0.5, and two recorded quadrotors for
     99 % of their flights below 0.6."""
     position_resets: Range = field(default_factory=lambda: Range(low=1.0, high=4.0))
-    """Resets of the estimator within 10 s; PX4 aligns its heading once after take-off."""
+    """Resets of the estimator within 10 s, which PX4 reports; it aligns its heading once after
+    take-off."""
     magnetic_change: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.25, high=0.5)
     )

@@ -7,6 +7,7 @@ degrees, inside radians.
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -80,7 +81,7 @@ class Guidance:
     acceleration_mps2: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
     """Acceleration of the setpoint along the path and in its corners. Setpoints carry none: PX4 is
     off by 0.58 m for each m/s² with its default gains (1 / (MPC_XY_P · MPC_XY_VEL_P_ACC))."""
-    yaw_rate_radps: Annotated[float, Field(gt=0.0, le=360.0)] = 0.785
+    yaw_rate_radps: Annotated[float, Field(gt=0.0, le=360.0)] = math.radians(45.0)
     """Greatest rate at which the nose turns."""
     yaw_mode: YawMode = YawMode.TARGET
     """Direction of the nose."""
@@ -293,7 +294,8 @@ class VehicleFile(FileModel):
     speed: _SpeedFile
     weights: _WeightsFile
     adaptation: Literal["paper", "calibrated"] = "paper"
-    """Rule by which risks shift the weights: Eq. 9 as printed, or calibrated on the exact front."""
+    """Rule by which risks shift the weights: Eq. 9 as printed, or calibrated on the exact front
+    (guides/vehicle.md); of `plan` also `--adaptation`."""
     guidance: Annotated[Guidance, Section(Guidance)] = Field(default_factory=Guidance)
     power: Annotated[Power, Section(Power)] = Field(default_factory=Power)
     risk: Annotated[RiskModel, Section(RiskModel)] = Field(default_factory=RiskModel)

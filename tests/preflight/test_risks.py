@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.companion.preflight import risks
 from moar_companion.companion.preflight.battery_check import CHARGE
 from moar_companion.companion.preflight.findings import Finding, Level
 from moar_companion.companion.preflight.risks import risk_findings
+from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.mavlink.telemetry import Battery, Estimator, Gnss, Telemetry
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.settings.risk_model import RiskModel
@@ -96,3 +98,8 @@ def test_the_remedy_for_a_misread_battery_comes_before_charging():
     assert found((0.0, received), batteries=(LOW,))["battery risk"].remedy == CHARGE
     unreported = found((0.0, Telemetry()), batteries=batteries)
     assert unreported["battery risk"].remedy == MISREAD.remedy
+
+
+def test_each_cause_that_the_check_names_is_a_condition():
+    named = {cause for *_, limits in risks._INDICES for cause in limits}
+    assert named <= {row.name for row in CONDITIONS}

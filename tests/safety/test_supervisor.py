@@ -33,6 +33,7 @@ class Watched:
 
     def look(self, seconds=0.0, **causes):
         self.now_s += seconds
+        assert causes.keys() <= {row.name for row in CONDITIONS}
         self.causes |= causes
         self.watches, self.ruling = step(self.watches, self.causes, self.now_s, self.table)
         return self

@@ -23,7 +23,12 @@ or more; the local position is extrapolated by its velocity over this time."""
 
 
 class FrameAgreement:
-    """Tracks the origin, and compares the local position with other reports."""
+    """Tracks the origin, and compares the local position with other reports.
+
+    Only the origin, which a message reports, gives the local position a place in the world. That
+    place is compared with the global position, and with home where the autopilot derives both its
+    coordinates from one another. The origin moved in none of 31 recordings of both autopilots.
+    """
 
     def __init__(self) -> None:
         self.global_off_m: float | None = None
