@@ -91,9 +91,15 @@ def test_a_takeover_is_detected_within_a_fifth_of_a_second(manner, later_s):
 
 
 @pytest.mark.slow
-@BOTH
-def test_a_takeover_is_detected_on_a_link_that_loses_three_packets_in_ten(manner):
-    """All but one of 15 takeovers, at different times, end the stream within 0.2 s."""
+@pytest.mark.parametrize(
+    ("manner", "soon", "latest_s"),
+    [(Manner.ARDUPILOT, 14, NOTICED_ON_A_BAD_LINK_S), (Manner.PX4, 8, 2.2)],
+)
+def test_a_takeover_is_detected_on_a_link_that_loses_three_packets_in_ten(manner, soon, latest_s):
+    """Of 15 takeovers at different times, `soon` end the stream within 0.2 s.
+
+    PX4 reports a change once, and then its mode twice a second.
+    """
     before = in_flight(manner)
     worsen_link(before)
     before.run(1.0)
@@ -102,12 +108,12 @@ def test_a_takeover_is_detected_on_a_link_that_loses_three_packets_in_ten(manner
         flight = copy_of(before)
         took_s = flight.now_s
         flight.operator.mode("hold")
-        flight.run(1.0)
+        flight.run(2.5)
         assert flight.state == "overridden"
         noticed_s.append(flight.last_setpoint_s - took_s)
         before.run(0.14)
-    assert max(noticed_s) <= NOTICED_ON_A_BAD_LINK_S
-    assert sorted(noticed_s)[13] <= NOTICED_S + 1e-6
+    assert max(noticed_s) <= latest_s
+    assert sorted(noticed_s)[soon - 1] <= NOTICED_S + 1e-6
 
 
 @BOTH

@@ -125,7 +125,7 @@ def reported(flight, cause):
 @pytest.mark.parametrize(
     ("manner", "late_s", "counted"),
     [
-        pytest.param(Manner.PX4, 0.3, 5, marks=pytest.mark.slow),
+        pytest.param(Manner.PX4, 0.2, 0, marks=pytest.mark.slow),
         pytest.param(Manner.ARDUPILOT, 0.3, 0, marks=pytest.mark.slow),
         pytest.param(Manner.PX4, 0.6, 5, marks=pytest.mark.slow),
         (Manner.PX4, 0.9, 5),
