@@ -105,8 +105,8 @@ class Refuge:
         self._spare_m: dict[Failsafes, FloatArray] = {}
         """Drift to spare in the cells of `_spare_maps`."""
         self._spare_maps: Maps | None = None
-        self._expected_s: float | None = None
-        """Time of the battery's action by the first forecast; None: it does not threaten."""
+        self._expected_s = math.inf
+        """Time of the battery's action by the first forecast of the threat."""
         self._threatened_s = -math.inf
         """Time at which it threatened last."""
         self.blind_hit: str | None = None
@@ -146,12 +146,10 @@ class Refuge:
         self.blind_hit = self._blind_hit(volume, failsafes.of(_BLIND), here_m) if counts else None
         self.battery_landing = None
         if landing is None or leaving_s is None or not landing[1] < leaving_s:
-            if now_s - self._threatened_s > _OVER_S:
-                self._expected_s = None
             return
-        self._threatened_s = now_s
-        if self._expected_s is None:
+        if now_s - self._threatened_s > _OVER_S:
             self._expected_s = now_s + landing[1]
+        self._threatened_s = now_s
         if now_s > self._expected_s + _OVERDUE_S:
             return
         needed_s = self._refuge_s(volume, failsafes, here_m)
