@@ -20,8 +20,6 @@ from .scenes import Problem
 METRICS = (*(field.name for field in fields(Metrics)), "length_mean_clearance_m")
 """Columns of all metrics: those of a plan, and the clearance averaged over the length. Unlike the
 average over the time, it does not depend on the speed."""
-SUMS = ("safety", "time", "energy")
-"""Columns of the sums of SC d, TC and EC."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
