@@ -109,7 +109,9 @@ class SeenObstacles:
         if jump is not None:
             x_m, y_m, z_m = (sum(pair) for pair in zip(self._jumped_m, jump.step_m, strict=True))
             self._jumped_m = x_m, y_m, z_m
-            self._before = tuple(_moved(item, jump.step_m) for item in self._before)
+            self._before = tuple(
+                item.moved(jump.step_m[0], jump.step_m[2]) for item in self._before
+            )
         position, attitude = telemetry.local_position, telemetry.attitude
         position_boot_s, attitude_boot_s = self._noted
         if tracker.pose is not None and position is not None and position.boot_s != position_boot_s:
@@ -228,7 +230,7 @@ class SeenObstacles:
             None,
         )
         known = min(
-            (item for item in self._site.obstacles if isinstance(item, Conductor)),
+            self._site.conductors,
             key=lambda item: math.dist(item.position_m, seen.position_m),
             default=None,
         )
@@ -286,11 +288,3 @@ class SeenObstacles:
         self._reported_m[name, seen] = off_m
         text = pilot_texts.CONDUCTOR_MOVED(m=distance(off_m), conductor=name)
         self._texts.append((Severity.WARNING, text))
-
-
-def _moved(item: Obstacle, step_m: Vector) -> Obstacle:
-    """An obstacle moved by a step in the plane."""
-    x_m, _, z_m = step_m
-    if isinstance(item, Conductor):
-        return replace(item, position_m=(item.position_m[0] + x_m, item.position_m[1] + z_m))
-    return replace(item, vertices_m=tuple((x + x_m, z + z_m) for x, z in item.vertices_m))

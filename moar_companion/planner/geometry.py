@@ -11,16 +11,13 @@ import math
 import numpy as np
 
 from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
-from .site import Conductor, Obstacle, PlanePoint, Polygon
+from .site import Obstacle, PlanePoint, Polygon
 
 
 def obstacle_distance_m(obstacle: Obstacle, points_m: FloatArray) -> FloatArray:
     """Distance from points (..., 2) to an obstacle's surface, (...)."""
-    if isinstance(obstacle, Conductor):
-        offset = points_m - np.asarray(obstacle.position_m)
-        distance = np.hypot(offset[..., 0], offset[..., 1])
-        return np.asarray(np.maximum(distance - obstacle.radius_m, 0.0))
-    return polygon_distance_m(np.asarray(obstacle.vertices_m), points_m)
+    distance = polygon_distance_m(np.asarray(obstacle.outline_m), points_m)
+    return np.asarray(np.maximum(distance - obstacle.radius_m, 0.0))
 
 
 def polygon_distance_m(vertices_m: FloatArray, points_m: FloatArray) -> FloatArray:
@@ -51,18 +48,13 @@ def _to_segment_m(points_m: FloatArray, start_m: FloatArray, end_m: FloatArray) 
 
 def rings(obstacles: tuple[Obstacle, ...]) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
     """Obstacles as the loops of `distance_kernels` take them: vertices, first, radius, keep-out."""
-    outlines = [_outline(obstacle) for obstacle in obstacles]
+    outlines = [obstacle.outline_m for obstacle in obstacles]
     return (
         np.array([point for outline in outlines for point in outline]).reshape(-1, 2),
         np.cumsum([0, *map(len, outlines)]),
-        np.array([item.radius_m if isinstance(item, Conductor) else 0.0 for item in obstacles]),
+        np.array([item.radius_m for item in obstacles]),
         np.array([item.keep_out_m for item in obstacles]),
     )
-
-
-def _outline(obstacle: Obstacle) -> tuple[PlanePoint, ...]:
-    """A conductor's centre, a polygon's vertices."""
-    return (obstacle.position_m,) if isinstance(obstacle, Conductor) else obstacle.vertices_m
 
 
 def hull_vertices_m(obstacles: tuple[Obstacle, ...]) -> FloatArray:
@@ -71,7 +63,7 @@ def hull_vertices_m(obstacles: tuple[Obstacle, ...]) -> FloatArray:
     Points in a line give the two ends of a segment, a single point itself; none gives (0, 2).
     Andrew's monotone chain (1979).
     """
-    points = sorted({point for obstacle in obstacles for point in _outline(obstacle)})
+    points = sorted({point for obstacle in obstacles for point in obstacle.outline_m})
     corners: list[PlanePoint] = []
     for order in (points, points[::-1]):
         chain: list[PlanePoint] = []

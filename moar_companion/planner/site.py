@@ -69,6 +69,15 @@ class Conductor:
     radius_m: float
     keep_out_m: float = 0.0
 
+    @property
+    def outline_m(self) -> tuple[PlanePoint, ...]:
+        """The centre: its surface is radius_m around the outline."""
+        return (self.position_m,)
+
+    def moved(self, x_m: float, z_m: float) -> Conductor:
+        """The same conductor elsewhere."""
+        return replace(self, position_m=(self.position_m[0] + x_m, self.position_m[1] + z_m))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polygon:
@@ -77,6 +86,20 @@ class Polygon:
     name: str
     vertices_m: tuple[PlanePoint, ...]
     keep_out_m: float = 0.0
+
+    @property
+    def outline_m(self) -> tuple[PlanePoint, ...]:
+        """The vertices, of which the outline is the loop."""
+        return self.vertices_m
+
+    @property
+    def radius_m(self) -> float:
+        """0: its surface is the outline itself."""
+        return 0.0
+
+    def moved(self, x_m: float, z_m: float) -> Polygon:
+        """The same shape elsewhere."""
+        return replace(self, vertices_m=tuple((x + x_m, z + z_m) for x, z in self.vertices_m))
 
 
 Obstacle = Conductor | Polygon
@@ -127,6 +150,11 @@ class Site:
     """Landing points of the exit and of the evacuation; a mission without any is absent."""
     margin: Margin = Margin()
     """Part of its keep-outs beyond those of the file; zero where the site is only planned."""
+
+    @property
+    def conductors(self) -> tuple[Conductor, ...]:
+        """Its conductors, without the other obstacles."""
+        return tuple(item for item in self.obstacles if isinstance(item, Conductor))
 
     def target(self, name: str | int | None) -> Target:
         """The target of this name; the first for None. Raises InputError without it."""

@@ -152,7 +152,7 @@ def lidar_scene(site: Site) -> PlacedScene:
         ),
         azimuth_deg=site.frame.azimuth_deg,
         scene=LidarScene(
-            wires=tuple(_wire(item) for item in site.obstacles if isinstance(item, Conductor)),
+            wires=tuple(_wire(item) for item in site.conductors),
             prisms=tuple(
                 Prism(
                     vertices_m=item.vertices_m,

@@ -124,8 +124,7 @@ def _displaced(site: Site) -> Site:
         return point[0] + x_m, point[1] + z_m
 
     obstacles = tuple(
-        replace(item, position_m=moved(item.position_m)) if isinstance(item, Conductor) else item
-        for item in site.obstacles
+        item.moved(x_m, z_m) if isinstance(item, Conductor) else item for item in site.obstacles
     )
     targets = tuple(
         replace(

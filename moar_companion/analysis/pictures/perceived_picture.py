@@ -288,10 +288,6 @@ def _draw_first_sights(
 
 def _name(point_m: PlanePoint, true: Site) -> str:
     """The true conductor at a place; `nothing` where there is none."""
-    near = [
-        (math.dist(item.position_m, point_m), item.name)
-        for item in true.obstacles
-        if isinstance(item, Conductor)
-    ]
+    near = [(math.dist(item.position_m, point_m), item.name) for item in true.conductors]
     distance_m, name = min(near, default=(math.inf, ""))
     return name if distance_m <= _SAME_M else "nothing"

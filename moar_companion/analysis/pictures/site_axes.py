@@ -62,8 +62,8 @@ def view_of(site: Site, vehicle: Vehicle, points_m: list[PlanePoint]) -> View:
     obstacle_reach_m = min(vehicle.safety.d_max_m, reach_m)
     seen = [lower, upper]
     for obstacle in site.obstacles:
-        points = [obstacle.position_m] if isinstance(obstacle, Conductor) else obstacle.vertices_m
-        seen += [np.clip(p, lower - obstacle_reach_m, upper + obstacle_reach_m) for p in points]
+        low, high = lower - obstacle_reach_m, upper + obstacle_reach_m
+        seen += [np.clip(point, low, high) for point in obstacle.outline_m]
     seen += [np.clip(p, lower - reach_m, upper + reach_m) for p in points_m]
     margin_m = _MARGIN * extent_m
     low, high = np.min(seen, axis=0) - margin_m, np.max(seen, axis=0) + margin_m
@@ -181,7 +181,7 @@ def set_up_plane(axes: Any, view: View) -> None:
 
 def _draw_obstacles(axes: Any, site: Site, view: View) -> None:
     """Conductors as discs, at least large enough to be seen; filled shapes."""
-    conductors = [item for item in site.obstacles if isinstance(item, Conductor)]
+    conductors = site.conductors
     for item in site.obstacles:
         if isinstance(item, Conductor):
             x_m, z_m = item.position_m

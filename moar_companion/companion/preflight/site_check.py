@@ -15,7 +15,7 @@ import numpy as np
 from ...mavlink.autopilots import profile
 from ...planner.plan_values import PlanStatus
 from ...planner.planner import Planner
-from ...planner.site import Conductor, Obstacle, PlanePoint
+from ...planner.site import Obstacle, PlanePoint
 from ...risk.power import PowerModel
 from ...risk.power.model import S_PER_H
 from ...settings.vehicle import Vehicle
@@ -112,10 +112,9 @@ def _margin(planner: Planner) -> Finding:
 
 def _least_between_cells_m(obstacle: Obstacle, required_m: float, resolution_m: float) -> float:
     """Least clearance on a diagonal between free cells, whose centres have the required one."""
-    radius_m = obstacle.radius_m if isinstance(obstacle, Conductor) else 0.0
     half_diagonal_squared = 0.5 * resolution_m**2
-    across = (radius_m + required_m) ** 2 - half_diagonal_squared
-    return max(0.0, math.sqrt(max(0.0, across)) - radius_m)
+    across = (obstacle.radius_m + required_m) ** 2 - half_diagonal_squared
+    return max(0.0, math.sqrt(max(0.0, across)) - obstacle.radius_m)
 
 
 def _start(planner: Planner) -> Finding:

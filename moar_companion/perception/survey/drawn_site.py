@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...errors import InputError
 from ...planner.plan_values import Plan
-from ...planner.site import Conductor, Polygon, Site
+from ...planner.site import Polygon, Site
 from ...planner.site_frame import SiteFrame
 from ...types import GeodeticPoint, Mission
 from .map_features import KINDS, MapFeature
@@ -276,8 +276,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
             radius_m=each.radius_m,
             keep_out_m=each.keep_out_m,
         )
-        for each in site.obstacles
-        if isinstance(each, Conductor)
+        for each in site.conductors
     ]
     features += [
         MapFeature(

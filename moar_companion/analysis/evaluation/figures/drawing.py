@@ -20,7 +20,7 @@ from ....planner.analysis.baselines import BaselineKind, voronoi_cells
 from ....planner.grid import BoolArray, FloatArray, IntArray
 from ....planner.maps import Maps
 from ....planner.regions import goal_region
-from ....planner.site import Conductor, Site
+from ....planner.site import Site
 from ....types import Mission
 from ...pictures.figure import DPI, INK
 from ..paths import Baselines
@@ -115,7 +115,7 @@ def paint(axes: Any, cells: BoolArray, colour: str, extent: tuple[float, ...]) -
 
 def draw_conductors(axes: Any, site: Site, colour: str = "black") -> None:
     """Draws the conductors in the window as discs of visible size."""
-    points = [item.position_m for item in site.obstacles if isinstance(item, Conductor)]
+    points = [item.position_m for item in site.conductors]
     axes.plot(
         *np.array(points).T, "o", color=colour, markeredgecolor="white", markersize=5.5, zorder=8
     )
