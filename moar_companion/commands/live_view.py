@@ -1,6 +1,6 @@
 """The live view: a status as a page for the terminal, or as one line of text.
 
-Input: the dict of `companion/status.py`, as the view socket sends it. Pure; the page is a rich
+Input: the status as the view socket sends it (`status_values`). Pure; the page is a rich
 renderable that fits itself to the width and height it is drawn in, from 80 x 24 up.
 """
 

@@ -12,7 +12,7 @@ import math
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -361,12 +361,12 @@ def _write(document: dict[str, Any], stream: IO[bytes]) -> None:
 def _explained(planner: Planner, plan: Plan, adaptation: Adaptation) -> dict[str, Any]:
     """Effect of the risks on weights and path: against the plan of the problem without them."""
     from ..planner.comparison import path_difference  # noqa: PLC0415
-    from ..risk.explain import WeightsReason  # noqa: PLC0415
+    from ..risk.explain import weights_section  # noqa: PLC0415
 
     request = replace(plan.request, risk=RiskIndices()).adapted(adaptation)
     difference = path_difference(planner.solve(request), plan)
     return {
-        "weights": WeightsReason.of(adaptation, plan.request.risk).to_dict(),
+        "weights": asdict(weights_section(adaptation, plan.request.risk)),
         "path": None if difference is None else difference.to_dict(),
     }
 

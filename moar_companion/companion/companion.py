@@ -28,11 +28,10 @@ from ..risk import RiskEstimate
 from ..settings.config import CompanionConfig
 from ..settings.perception_config import Sensor
 from ..settings.vehicle import Vehicle
+from ..status_values import EnergySection, PathSection
 from ..types import Mission, Weights
-from .contingency.route_cost import EnergyForecast
 from .estimation.pose import Jump, Pose
 from .estimation.pose_tracker import PoseTracker, SiteMaps, grounded
-from .guidance.path_follower import Progress
 from .intake import Arrival, Intake
 from .mission.values import MissionStatus, Verdict
 from .mission_executor import MissionExecutor
@@ -155,7 +154,7 @@ class Companion:
         return self._executor.ruling
 
     @property
-    def energy_forecast(self) -> EnergyForecast | None:
+    def energy_forecast(self) -> EnergySection | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
         return self._executor.risk_monitor.energy_forecast
 
@@ -180,8 +179,8 @@ class Companion:
         return self._executor.routes.limits.clearance_m(self.pose)
 
     @property
-    def progress(self) -> Progress | None:
-        """Progress of the flight; None while there is none."""
+    def progress(self) -> PathSection | None:
+        """PathSection of the flight; None while there is none."""
         pose, flight = self._pose_tracker.pose, self._executor.routes.flight
         return None if flight is None or pose is None else flight.progress(pose)
 

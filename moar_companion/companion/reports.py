@@ -24,7 +24,7 @@ from ..planner.plan_values import Plan
 from ..planner.regions import narrowest
 from ..planner.site import Site
 from ..risk import RiskEstimate
-from ..risk.explain import WeightsReason, risk_dict
+from ..risk.explain import risk_section, weights_section
 from ..risk.power.cells import misread
 from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts, service_texts
@@ -185,8 +185,8 @@ class PlanReports:
             plan=plan.to_dict(),
             explanation={
                 "reason": awaited.reason,
-                "risk": risk_dict(estimate),
-                "weights": WeightsReason.of(adaptation, plan.request.risk).to_dict(),
+                "risk": asdict(risk_section(estimate)),
+                "weights": asdict(weights_section(adaptation, plan.request.risk)),
                 "path": None if difference is None else difference.to_dict(),
             },
         )

@@ -13,9 +13,9 @@ from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
 from ..risk.power import PowerModel
 from ..risk.wind import MOTOR_OUTPUT
 from ..settings.vehicle import Vehicle
+from ..status_values import EnergySection
 from ..types import Vector
 from .contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
-from .contingency.route_cost import EnergyForecast
 from .estimation.pose_tracker import grounded
 from .guidance.flight_volume import FlightVolume
 from .planning.plan_jobs import PlanAnswer, PlanJob
@@ -50,7 +50,7 @@ class RiskMonitor:
         self.contingencies = ContingencyPlanner(site, self._vehicle, self._power)
 
     @property
-    def energy_forecast(self) -> EnergyForecast | None:
+    def energy_forecast(self) -> EnergySection | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
         return (
             None

@@ -1,4 +1,4 @@
-"""Causes of the risk indices and their effect on the weights, as text and JSON. Pure.
+"""Causes of the risk indices and their effect on the weights, as text and in the status. Pure.
 
     wind 0.71: wind from tilt 9.2 m/s, 0.1 s old -> 0.71
     k_S 0.33 -> 0.45 (wind +0.13, battery -0.01), k_T 0.33 -> 0.18 (wind -0.14), k_E 0.33 -> 0.37
@@ -13,66 +13,65 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 from ..planner.adaptation import Adaptation
 from ..settings.vehicle import AdaptationKind
+from ..status_values import (
+    AdaptationEntry,
+    ByRisk,
+    ByWeight,
+    IndexEntry,
+    InputEntry,
+    WeightsSection,
+)
 from ..types import RiskIndices, Weights
 from .indices import IndexReport, RiskEstimate
-from .input_reports import InputReport, read
+from .input_reports import InputReport
 
 _SYMBOLS = {"safety": "k_S", "time": "k_T", "energy": "k_E"}
 _TOLD = 0.005
 """Least change of an index or a weight in the text, which has two decimals."""
 
 
-class WeightsReason(NamedTuple):
-    """Weights before and after their adaptation. by_risk: effect by index and weight."""
+def weights_section(adaptation: Adaptation, risk: RiskIndices) -> WeightsSection:
+    """Effect of the indices on weights by an adaptation."""
+    adjusted = adaptation.weights(risk)
+    by_risk = {}
+    for name, value in risk.as_dict().items():
+        without = adaptation.weights(replace(risk, **{name: 0.0})) if value else adjusted
+        by_risk[name] = ByWeight(
+            safety=adjusted.safety - without.safety,
+            time=adjusted.time - without.time,
+            energy=adjusted.energy - without.energy,
+        )
+    words = ", ".join(
+        _weight_words(weight, symbol, adaptation.base, adjusted, by_risk)
+        for weight, symbol in _SYMBOLS.items()
+    )
+    if adaptation.kind is not AdaptationKind.PAPER:
+        words = f"{adaptation.words}: {words}"
+    return WeightsSection(
+        adaptation=AdaptationEntry(
+            kind=adaptation.kind.value, calibrated=adaptation.calibration is not None
+        ),
+        base=_by_weight(adaptation.base),
+        adjusted=_by_weight(adjusted),
+        by_risk=ByRisk(**by_risk),
+        words=words,
+    )
 
-    adaptation: Adaptation
-    adjusted: Weights
-    by_risk: Mapping[str, Mapping[str, float]]
 
-    @classmethod
-    def of(cls, adaptation: Adaptation, risk: RiskIndices) -> WeightsReason:
-        """Effect of the indices on weights by an adaptation."""
-        adjusted, values = adaptation.weights(risk), risk.as_dict()
-        by_risk: dict[str, dict[str, float]] = {}
-        for name, value in values.items():
-            without = adaptation.weights(replace(risk, **{name: 0.0})) if value else adjusted
-            by_risk[name] = {
-                "safety": adjusted.safety - without.safety,
-                "time": adjusted.time - without.time,
-                "energy": adjusted.energy - without.energy,
-            }
-        return cls(adaptation=adaptation, adjusted=adjusted, by_risk=by_risk)
+def _by_weight(weights: Weights) -> ByWeight:
+    return ByWeight(safety=weights.safety, time=weights.time, energy=weights.energy)
 
-    def words(self) -> str:
-        """Text: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`; an adaptation other than Eq. 9."""
-        words = ", ".join(self._words_of(weight, symbol) for weight, symbol in _SYMBOLS.items())
-        if self.adaptation.kind is AdaptationKind.PAPER:
-            return words
-        return f"{self.adaptation.words}: {words}"
 
-    def _words_of(self, weight: str, symbol: str) -> str:
-        base, adjusted = getattr(self.adaptation.base, weight), getattr(self.adjusted, weight)
-        shown = [
-            f"{name} {changes[weight]:+.2f}"
-            for name, changes in self.by_risk.items()
-            if abs(changes[weight]) >= _TOLD
-        ]
-        reason = f" ({', '.join(shown)})" if shown else ""
-        return f"{symbol} {base:.2f} -> {adjusted:.2f}{reason}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Returns a dict for JSON."""
-        return {
-            "adaptation": self.adaptation.to_dict(),
-            "base": {weight: getattr(self.adaptation.base, weight) for weight in _SYMBOLS},
-            "adjusted": {weight: getattr(self.adjusted, weight) for weight in _SYMBOLS},
-            "by_risk": {name: dict(changes) for name, changes in self.by_risk.items()},
-            "words": self.words(),
-        }
+def _weight_words(
+    weight: str, symbol: str, base: Weights, adjusted: Weights, by_risk: Mapping[str, ByWeight]
+) -> str:
+    changes = {name: getattr(change, weight) for name, change in by_risk.items()}
+    shown = [f"{name} {change:+.2f}" for name, change in changes.items() if abs(change) >= _TOLD]
+    reason = f" ({', '.join(shown)})" if shown else ""
+    return f"{symbol} {getattr(base, weight):.2f} -> {getattr(adjusted, weight):.2f}{reason}"
 
 
 def index_words(name: str, value: float, report: IndexReport) -> str:
@@ -106,34 +105,35 @@ def input_words(item: InputReport) -> str:
     return words if item.risk is None else f"{words} -> {item.risk:.2f}"
 
 
-def index_dict(name: str, value: float, report: IndexReport) -> dict[str, Any]:
-    """An index and its inputs as a dict for JSON."""
-    return {
-        "value": value,
-        "target": report.target,
-        "known": report.value is not None,
-        "worst": report.worst,
-        "cause": report.cause,
-        "held": report.held,
-        "words": index_words(name, value, report),
-        "inputs": [
-            {
-                "name": input_name,
-                "value": value,
-                "unit": unit,
-                "reading": read(value, unit),
-                "age_s": age_s,
-                "risk": risk,
-                "known": risk is not None,
-            }
-            for input_name, value, unit, age_s, risk, _, _, _ in report.inputs
-        ],
-    }
+def index_entry(name: str, value: float, report: IndexReport) -> IndexEntry:
+    """An index and its inputs for the status."""
+    return IndexEntry(
+        value=value,
+        target=report.target,
+        known=report.value is not None,
+        worst=report.worst,
+        cause=report.cause,
+        held=report.held,
+        words=index_words(name, value, report),
+        inputs=tuple(
+            InputEntry(
+                name=item.name,
+                value=item.value,
+                unit=item.unit,
+                reading=item.reading,
+                age_s=item.age_s,
+                risk=item.risk,
+                known=item.known,
+            )
+            for item in report.inputs
+        ),
+    )
 
 
-def risk_dict(estimate: RiskEstimate) -> dict[str, Any]:
-    """All indices and their inputs as a dict for JSON."""
-    return {
-        name: index_dict(name, value, getattr(estimate.report, name))
+def risk_section(estimate: RiskEstimate) -> ByRisk[IndexEntry]:
+    """All indices and their inputs for the status."""
+    entries = {
+        name: index_entry(name, value, getattr(estimate.report, name))
         for name, value in estimate.indices.as_dict().items()
     }
+    return ByRisk(**entries)

@@ -14,7 +14,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.estimation.pose_tracker import SiteMaps
@@ -23,7 +23,7 @@ from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Site
 from moar_companion.risk import update
-from moar_companion.risk.explain import WeightsReason, risk_dict
+from moar_companion.risk.explain import risk_section, weights_section
 from moar_companion.risk.power import PowerModel
 from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.link_config import LinkRole
@@ -78,10 +78,9 @@ def risk_update_us(*, explained: bool) -> Callable[[], float]:
                 tracking_error_m=0.3,
             )
             if explained:
-                risk_dict(judged)
-                WeightsReason.of(
-                    Adaptation.of(VEHICLE, Mission.INSPECTION), judged.indices
-                ).to_dict()
+                asdict(risk_section(judged))
+                adaptation = Adaptation.of(VEHICLE, Mission.INSPECTION)
+                asdict(weights_section(adaptation, judged.indices))
         return 1e6 * (time.process_time() - began) / UPDATES
 
     return measure

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from moar_companion.commands.fleet_view import FleetView, lines_of
 from moar_companion.service.mqtt.fleet import Fleet
+from moar_companion.service.mqtt.payloads import written
 from moar_companion.service.mqtt.topics import Publication
 
 from .statuses import flying, status_of
@@ -94,7 +95,7 @@ def test_unknown_senders_cannot_fill_the_memory_nor_move_the_cursor():
     assert len(fleet.rows()) == 1000
     assert fleet.unreadable == 2001
     fleet = fleet_of("a1")
-    mission = json.loads(fleet.rows()[0].payloads["mission"].model_dump_json())
+    mission = json.loads(written(fleet.rows()[0].payloads["mission"]))
     mission["mode"] = "\x1b[2J\a"
     fleet.take("moar/a1/mission", json.dumps(mission).encode(), 0.0, retained=False)
     assert not set("\x1b\a") & set(table(fleet))

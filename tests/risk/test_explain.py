@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 from hypothesis import given
@@ -12,15 +12,16 @@ from hypothesis import strategies as st
 from moar_companion.planner.adaptation import Adaptation, Calibration
 from moar_companion.risk import IndexReport, InputReport
 from moar_companion.risk.explain import (
-    WeightsReason,
     index_words,
     input_words,
     rise_words,
-    risk_dict,
+    risk_section,
+    weights_section,
 )
 from moar_companion.risk.input_reports import YES_OR_NO
 from moar_companion.settings.risk_model import RiskModel
 from moar_companion.settings.vehicle import AdaptationKind
+from moar_companion.status_values import AdaptationEntry
 from moar_companion.types import RiskIndices, Weights
 
 EQUAL = Weights.normalised(1, 1, 1)
@@ -177,9 +178,9 @@ def test_the_value_of_a_silence_is_shown_without_its_age():
 
 
 def test_weights_are_shown_before_and_after_with_the_contribution_of_each_risk():
-    reason = WeightsReason.of(Adaptation(base=EQUAL), RiskIndices(wind=0.8))
+    reason = weights_section(Adaptation(base=EQUAL), RiskIndices(wind=0.8))
     # Eq. 9 by hand: 1.4, 0.6, 1.4 of 3.4.
-    assert reason.words() == (
+    assert reason.words == (
         "k_S 0.33 -> 0.41 (wind +0.08), k_T 0.33 -> 0.18 (wind -0.16), "
         "k_E 0.33 -> 0.41 (wind +0.08)"
     )
@@ -190,16 +191,16 @@ def test_a_calibrated_rule_is_named_with_the_state_of_its_front():
     risk = RiskIndices(wind=1.0)
     # Halfway to safety alone; the other weights keep their ratio.
     changes = "k_S 0.20 -> 0.60 (wind +0.40), k_T 0.60 -> 0.30 (wind -0.30), k_E 0.20 -> 0.10"
-    text = WeightsReason.of(rule, risk).words()
+    text = weights_section(rule, risk).words
     assert text.startswith(f"calibrated, front not known yet: {changes}")
     known = replace(rule, calibration=Calibration.linear(rule.base))
-    document = WeightsReason.of(known, risk).to_dict()
-    assert document["words"].startswith(f"calibrated: {changes}")
-    assert document["adaptation"] == {"kind": "calibrated", "calibrated": True}
+    section = weights_section(known, risk)
+    assert section.words.startswith(f"calibrated: {changes}")
+    assert section.adaptation == AdaptationEntry(kind="calibrated", calibrated=True)
 
 
 def test_without_any_risk_the_weights_are_unchanged():
-    assert WeightsReason.of(Adaptation(base=EQUAL), RiskIndices()).words() == (
+    assert weights_section(Adaptation(base=EQUAL), RiskIndices()).words == (
         "k_S 0.33 -> 0.33, k_T 0.33 -> 0.33, k_E 0.33 -> 0.33"
     )
 
@@ -214,21 +215,21 @@ def test_the_contribution_of_a_risk_is_the_difference_to_weights_without_it(
     risk = RiskIndices(
         wind=wind, communication=communication, localization=localization, battery=battery
     )
-    reason = WeightsReason.of(Adaptation(base=EQUAL), risk)
-    assert reason.adjusted == EQUAL.adjusted(risk)
-    for changes in reason.by_risk.values():
+    reason = weights_section(Adaptation(base=EQUAL), risk)
+    assert asdict(reason.adjusted) == asdict(EQUAL.adjusted(risk))
+    for changes in asdict(reason.by_risk).values():
         assert sum(changes.values()) == pytest.approx(0.0, abs=1e-9)
     calm = EQUAL.adjusted(
         RiskIndices(communication=communication, localization=localization, battery=battery)
     )
-    assert reason.by_risk["wind"]["time"] == pytest.approx(reason.adjusted.time - calm.time)
-    assert reason.by_risk["wind"]["time"] <= 1e-12
+    assert reason.by_risk.wind.time == pytest.approx(reason.adjusted.time - calm.time)
+    assert reason.by_risk.wind.time <= 1e-12
 
 
 def test_the_risk_document_is_valid_json_and_explains_each_index(flight):
     flight.silence("gnss")
     flight.fly(10.0)
-    whole = json.loads(json.dumps(risk_dict(flight.estimate), allow_nan=False))
+    whole = json.loads(json.dumps(asdict(risk_section(flight.estimate)), allow_nan=False))
     assert list(whole) == ["wind", "communication", "localization", "battery"]
     for entry in whole.values():
         for item in entry["inputs"]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from ...mavlink.packet_count import SourceStatistics
@@ -20,7 +20,7 @@ from ...mavlink.passive_listener import GROUND_STATION, Input, ListenerEvent
 from ...mavlink.telemetry import Telemetry
 from ...planner.adaptation import Adaptation
 from ...risk import RiskEstimate, update
-from ...risk.explain import WeightsReason, index_words
+from ...risk.explain import index_words, weights_section
 from ...risk.indices import IndexReport
 from ...risk.power import PowerModel
 from ...settings.vehicle import Vehicle
@@ -238,7 +238,7 @@ class Player(Generic[Packet_contra]):
                     name: index_words(name, values[name], report)
                     for name, report in reports.items()
                 },
-                weights=WeightsReason.of(self._adaptation, self._risk.indices).to_dict(),
+                weights=asdict(weights_section(self._adaptation, self._risk.indices)),
                 armed=None if autopilot is None else autopilot.armed,
                 mode=None if autopilot is None else autopilot.mode,
                 mission_state=self._events.mission_state,

@@ -26,6 +26,7 @@ from ...planner.site import Site
 from ...risk.power import Demands, Meter, PowerModel, landing_s
 from ...settings.risk_model import RiskModel
 from ...settings.vehicle import Vehicle
+from ...status_values import EnergySection, RouteEntry
 from ...types import Mission, RiskIndices, Vector
 from ..estimation.pose import Pose
 from ..guidance.flight_volume import FlightVolume
@@ -38,8 +39,6 @@ from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..safety.check_inputs import EscapeRoute
 from ..safety.failsafe_paths import exposed_places
 from .route_cost import (
-    EnergyForecast,
-    Outcome,
     RouteCost,
     better_of,
     energy_wh_of,
@@ -160,13 +159,13 @@ class ContingencyPlanner:
         self._queue, self._routes, self._out, self._due_s = [], {}, {}, -math.inf
         self._flown, self._wind_mps = None, None
 
-    def energy_forecast(self, meter: Meter) -> EnergyForecast:
+    def energy_forecast(self, meter: Meter) -> EnergySection:
         """Energy left, and demand of each route."""
 
-        def outcome(route: RouteCost | None) -> Outcome | None:
+        def outcome(route: RouteCost | None) -> RouteEntry | None:
             return None if route is None else route.outcome(meter, self._power, self._now_s)
 
-        return EnergyForecast(
+        return EnergySection(
             left_wh=meter.left_wh,
             flight_s=meter.flight_s(self._power),
             factor=meter.factor,

@@ -13,6 +13,7 @@ from ...risk.braking import GRAVITY_MPS2
 from ...risk.drag import Level, air_velocity_mps
 from ...risk.power import Meter, PowerModel
 from ...settings.vehicle import Vehicle
+from ...status_values import RouteEntry
 from ...types import Mission, Vector
 from ..safety.check_inputs import ROUTE_MAX_AGE_S
 
@@ -53,45 +54,14 @@ class RouteCost:
             exposed_s=self.exposed_s / pace,
         )
 
-    def outcome(self, meter: Meter, power: PowerModel, now_s: float) -> Outcome:
+    def outcome(self, meter: Meter, power: PowerModel, now_s: float) -> RouteEntry:
         """Returns its time and measured energy, the flight time left after it, and its age."""
-        return Outcome(
+        return RouteEntry(
             duration_s=self.duration_s,
             energy_wh=meter.factor * self.energy_wh,
             left_s=meter.left_after_s(power, self.energy_wh),
             age_s=now_s - self.asked_s,
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """Time and measured battery energy of a route, and the flight time left after it.
-
-    age_s: since its request; the oldest part counts.
-    """
-
-    duration_s: float
-    energy_wh: float
-    left_s: float | None
-    age_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EnergyForecast:
-    """Energy left, and demand of each route, for displays; None: unknown, or no such route.
-
-    left_wh and energies are absolute where the vehicle file has the capacity, else relative.
-    factor: measured power over the vehicle file's. source: origin of the factor.
-    """
-
-    left_wh: float | None
-    flight_s: float | None
-    factor: float
-    source: str
-    finish: Outcome | None
-    exit: Outcome | None
-    evacuation: Outcome | None
-    better: Mission | None
 
 
 def better_of(routes: Mapping[Mission, RouteCost | None], before: Mission | None) -> Mission | None:

@@ -9,7 +9,7 @@ at the aircraft; the setpoint then moves over to it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ...planner.free_distance import FreeDistance
 from ...planner.plan_values import Plan
 from ...planner.plane_fence import PlaneFence
 from ...planner.site import PlanePoint
+from ...status_values import PathSection, SetpointEntry
 from ...texts import pilot_texts
 from ...texts.text_format import distance
 from ...types import Mission, Vector
@@ -35,20 +36,6 @@ from .yaw import wanted_yaw_rad
 
 _STOPPED_MPS = 0.05
 """Speed below any planned speed, even at half its pace: the residue of a waiting reference."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
-    """Progress of a flight.
-
-    setpoint: of this instant. error_m: from there to the aircraft. left_m, left_s: to the end of
-    the plan, landing leg included.
-    """
-
-    setpoint: Setpoint
-    error_m: float
-    left_m: float
-    left_s: float
 
 
 class PathFollower:
@@ -366,12 +353,17 @@ class PathFollower:
             yaw_rad=self._yaw_rad,
         )
 
-    def progress(self, pose: Pose) -> Progress:
+    def progress(self, pose: Pose) -> PathSection:
         """Progress of the flight, for displays."""
         reference = self._reference
         left_m = reference.trajectory.length_m - reference.distance_m
-        return Progress(
-            setpoint=self._setpoint(),
+        setpoint = self._setpoint()
+        return PathSection(
+            setpoint=SetpointEntry(
+                position_m=setpoint.position_m,
+                velocity_mps=setpoint.velocity_mps,
+                yaw_rad=setpoint.yaw_rad,
+            ),
             error_m=self.error_m(pose),
             left_m=max(0.0, left_m),
             left_s=reference.trajectory.duration_s(reference.distance_m),

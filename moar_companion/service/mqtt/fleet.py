@@ -13,14 +13,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...settings.mqtt_config import VEHICLE_NAME
-from . import payloads
+from .payloads import Online, Payload, read
 from .topics import ONLINE, ROOT, TOPICS
 
 SUBSCRIPTION = f"{ROOT}/+/+"
 """Topics of two levels below the root; deeper topics such as `risk/inputs` are not in a row."""
 _MOST_VEHICLES = 1000
-_MODELS: dict[str, type[payloads.Part]] = {topic.name: topic.payload for topic in TOPICS}
-_MODELS[ONLINE] = payloads.Online
+_MODELS: dict[str, type[Payload | Online]] = {topic.name: topic.payload for topic in TOPICS}
+_MODELS[ONLINE] = Online
 _NAME = re.compile(VEHICLE_NAME)
 
 
@@ -69,7 +69,7 @@ class Fleet:
             self.unreadable += 1
             return
         try:
-            content = model.model_validate_json(payload)
+            content = read(model, payload)
         except ValidationError:
             self.unreadable += 1
             return
@@ -78,14 +78,13 @@ class Fleet:
         )
 
 
-def _updated(row: Row, name: str, content: payloads.Part, received_s: float | None) -> Row:
-    if isinstance(content, payloads.Online):
+def _updated(row: Row, name: str, content: Payload | Online, received_s: float | None) -> Row:
+    if isinstance(content, Online):
         # The broker sends a last will: the will does not make the vehicle's own messages newer.
         return replace(row, online=content.online)
-    reported_s = getattr(content, "time_s", None)
     return replace(
         row,
         received_s=received_s if received_s is not None else row.received_s,
-        reported_s=max(filter(None, (row.reported_s, reported_s)), default=None),
+        reported_s=max(row.reported_s or 0.0, content.time_s),
         payloads={**row.payloads, name: content},
     )

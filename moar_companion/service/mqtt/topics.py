@@ -10,13 +10,13 @@ have lost what it retained.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pydantic import ValidationError
 
 from . import payloads
-from .payloads import Payload, error_words
+from .payloads import Payload, error_words, payload_of, written
 
 ROOT = "moar"
 ONLINE, ORDER, REPLY = "online", "order", "reply"
@@ -153,7 +153,7 @@ class Publication:
     def __init__(self, vehicle: str) -> None:
         self._vehicle = vehicle
         self._due_s: dict[str, float] = {}
-        self._published: dict[str, Mapping[str, Any]] = {}
+        self._published: dict[str, Payload] = {}
         self.unfit: dict[str, str] = {}
         """Last error of each topic whose content did not fit its payload."""
 
@@ -175,12 +175,12 @@ class Publication:
             if content is None:
                 continue
             try:
-                payload = topic.payload.model_validate({"time_s": status["time_s"], **content})
+                payload = payload_of(topic.payload, {"time_s": status["time_s"], **content})
             except ValidationError as error:
                 self.unfit[topic.name] = error_words(error)
                 continue
             if topic.period_s is None:
-                values = payload.model_dump(exclude={"time_s"})
+                values = replace(payload, time_s=0.0)
                 if values == self._published.get(topic.name):
                     continue
                 self._published[topic.name] = values
@@ -189,7 +189,7 @@ class Publication:
             messages.append(
                 Message(
                     topic=topic_name(self._vehicle, topic.name),
-                    payload=payload.model_dump_json().encode(),
+                    payload=written(payload),
                     qos=topic.qos,
                     retain=topic.retain,
                 )

@@ -17,6 +17,7 @@ from typing import Any
 
 from ...companion.safety.check_inputs import Host
 from ...mavlink.telemetry import Telemetry
+from ...status_values import Status
 
 Shape = str | dict[str, Any] | list[Any]
 """`number`, `integer`, `string`, `boolean`, `base64`; names to shapes; a list of one shape."""
@@ -48,6 +49,8 @@ def shape_of(hint: Any) -> Shape:
         return shape_of(arguments[0])
     if origin is tuple:
         return [shape_of(arguments[0])]
+    if origin is not None and dataclasses.is_dataclass(origin):  # of values of one kind
+        return {item.name: shape_of(arguments[0]) for item in dataclasses.fields(origin)}
     if dataclasses.is_dataclass(hint):
         return {name: shape_of(kind) for name, kind in typing.get_type_hints(hint).items()}
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
@@ -142,110 +145,15 @@ _FOXGLOVE: dict[str, Shape] = {
     },
 }
 
-_WEIGHTS = {"safety": _N, "time": _N, "energy": _N}
-_INPUT = {
-    "name": _S,
-    "value": _N,
-    "unit": _S,
-    "reading": _S,
-    "age_s": _N,
-    "risk": _N,
-    "known": _B,
-}
-_INDEX = {
-    "value": _N,
-    "target": _N,
-    "known": _B,
-    "worst": _S,
-    "cause": _S,
-    "held": _B,
-    "words": _S,
-    "inputs": [_INPUT],
-}
-_INDICES = ("wind", "communication", "localization", "battery")
-_COST = {"total": _N, "safety": _N, "time": _N, "energy": _N}
-_WAY = {"duration_s": _N, "energy_wh": _N, "left_s": _N, "age_s": _N}
-_SETPOINT = {"position_m": [_N], "velocity_mps": [_N], "yaw_rad": _N}
 _SOURCES = [*(item.name for item in dataclasses.fields(Telemetry)), "battery"]
+_WITHOUT = {"time_s", "batteries", "perception", "host", "recorder"}
+"""Values of the status without a channel: others have them, or no panel plots them."""
 STATUS: dict[str, Shape] = {
-    "autopilot": {
-        "kind": _S,
-        "system_id": _I,
-        "mode": _S,
-        "ours": _B,
-        "armed": _B,
-        "failsafe": _B,
-        "age_s": _N,
-    },
-    "supervision": {
-        "action": _S,
-        "conditions": [{"name": _S, "action": _S, "reason": _S, "overridden": _B}],
-    },
-    "mission": {
-        "state": _S,
-        "for_s": _N,
-        "mission": _S,
-        "goal": _S,
-        "text": _S,
-        "text_age_s": _N,
-    },
-    "aircraft": {
-        "landed": _S,
-        "position_m": [_N],
-        "position_ned_m": [_N],
-        "velocity_mps": [_N],
-        "speed_mps": _N,
-        "yaw_rad": _N,
-        "clearance_m": _N,
-        "global_position": {"latitude_deg": _N, "longitude_deg": _N, "altitude_amsl_m": _N},
-    },
-    "path": {"setpoint": _SETPOINT, "error_m": _N, "left_m": _N, "left_s": _N},
-    "risk": dict.fromkeys(_INDICES, _INDEX),
-    "energy": {
-        "left_wh": _N,
-        "flight_s": _N,
-        "factor": _N,
-        "source": _S,
-        "finish": _WAY,
-        "exit": _WAY,
-        "evacuation": _WAY,
-        "better": _S,
-    },
-    "weights": {
-        "base": _WEIGHTS,
-        "adjusted": _WEIGHTS,
-        "by_risk": dict.fromkeys(_INDICES, _WEIGHTS),
-        "adaptation": {"kind": _S, "calibrated": _B},
-        "words": _S,
-    },
-    "plan": {
-        "status": _S,
-        "site": _S,
-        "mission": _S,
-        "target": _S,
-        "cost": _COST,
-        "search_ms": _N,
-        "age_s": _N,
-        "reason": _S,
-        "change": _S,
-        "path": [dict.fromkeys(("x_m", "y_m", "z_m", "speed_mps", "time_s"), _N)],
-        "paths": _I,
-        "replans": _I,
-    },
-    "link": {"packets_received": _I, "packets_lost": _I, "packets_late": _I, "rate_hz": _N},
-    "refused": {},
-    "radio": {
-        "kind": _S,
-        "rssi": _N,
-        "remote_rssi": _N,
-        "noise": _N,
-        "remote_noise": _N,
-        "transmit_buffer_percent": _N,
-        "age_s": _N,
-    },
-    "age_s": dict.fromkeys(_SOURCES, _N),
-}
-"""Sections of the status (`companion/status`), one channel each."""
+    name: shape_of(kind)
+    for name, kind in typing.get_type_hints(Status).items()
+    if name not in _WITHOUT
+} | {"age_s": dict.fromkeys(_SOURCES, _N)}
+"""Sections of the status, one channel each."""
 
 CALLS = "/machine/calls"
 CHANNELS: dict[str, str] = {
