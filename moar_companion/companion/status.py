@@ -36,6 +36,8 @@ from ..status_values import (
     WaypointEntry,
 )
 from .companion import Companion
+from .cycle_state import CycleState
+from .mission.values import MissionStatus
 from .mission_states import STREAMING
 from .reports import Decision
 from .safety.check_inputs import Host
@@ -99,32 +101,33 @@ class LatestDecisions:
         self, companion: Companion, now_s: float, *, clock_offset_s: float, recorder: Path | None
     ) -> dict[str, Any]:
         """Returns the status. clock_offset_s: wall clock minus the machine's clock."""
-        telemetry = companion.telemetry
+        state = companion.state
+        telemetry = state.telemetry
         status = Status(
             time_s=now_s + clock_offset_s,
             autopilot=_autopilot(telemetry, now_s),
-            supervision=_supervision(companion.ruling),
-            mission=self._mission(companion, now_s),
-            aircraft=_aircraft(companion),
-            path=_path(companion),
-            risk=risk_section(companion.risk),
+            supervision=_supervision(state.ruling),
+            mission=self._mission(state.status, now_s),
+            aircraft=_aircraft(state),
+            path=_path(state),
+            risk=risk_section(state.risk),
             batteries=_batteries(telemetry, now_s),
-            energy=companion.energy_forecast,
-            weights=weights_section(companion.adaptation, companion.risk.indices),
+            energy=state.risk_monitor.energy_forecast,
+            weights=weights_section(state.adaptation, state.risk.indices),
             plan=self._last_plan(now_s),
             link=self._link(telemetry),
             refused=_refused(companion),
             radio=_radio(telemetry, now_s),
             age_s=_ages_s(telemetry, now_s),
-            perception=_perception(companion.perception_report, now_s),
-            host=_host(companion.host),
+            perception=_perception(state.seen_obstacles.report, now_s),
+            host=_host(state.host),
             recorder=None if recorder is None else str(recorder),
         )
         shown: dict[str, Any] = to_jsonable_python(status)  # many times as fast as asdict
         return shown
 
-    def _mission(self, companion: Companion, now_s: float) -> MissionSection:
-        status, text = companion.status, self._text
+    def _mission(self, status: MissionStatus, now_s: float) -> MissionSection:
+        text = self._text
         task = status.requested or status.task
         return MissionSection(
             state=status.state.value,
@@ -207,8 +210,8 @@ def _supervision(ruling: Ruling) -> SupervisionSection:
     )
 
 
-def _aircraft(companion: Companion) -> AircraftSection:
-    telemetry, pose = companion.telemetry, companion.pose
+def _aircraft(state: CycleState) -> AircraftSection:
+    telemetry, pose = state.telemetry, state.pose
     local, landed = telemetry.local_position, telemetry.landed
     place = telemetry.global_position
     return AircraftSection(
@@ -218,17 +221,17 @@ def _aircraft(companion: Companion) -> AircraftSection:
         velocity_mps=None if pose is None else pose.velocity_mps,
         speed_mps=None if local is None else math.hypot(*local.velocity_ned_mps),
         yaw_rad=None if telemetry.attitude is None else telemetry.attitude.yaw_rad,
-        clearance_m=companion.clearance_m,
+        clearance_m=state.routes.limits.clearance_m(pose),
         global_position=None if place is None else place.point,
     )
 
 
-def _path(companion: Companion) -> PathSection | None:
+def _path(state: CycleState) -> PathSection | None:
     """Path that is flown; None while nothing is streamed."""
-    progress = companion.progress
-    if progress is None or companion.status.state not in STREAMING:
+    pose, flight = state.pose, state.routes.flight
+    if flight is None or pose is None or state.status.state not in STREAMING:
         return None
-    return progress
+    return flight.progress(pose)
 
 
 def _corners(waypoints: Sequence[WaypointEntry]) -> tuple[WaypointEntry, ...]:

@@ -151,7 +151,7 @@ def fly(case: Case) -> Result:
 
 
 def _forecast(flight: Lockstep):
-    forecast = flight.companion.energy_forecast
+    forecast = flight.companion.state.risk_monitor.energy_forecast
     assert forecast is not None
     return forecast
 

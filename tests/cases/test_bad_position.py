@@ -82,7 +82,7 @@ class BadPosition(Lockstep):
         return float(clearances_m(self.site, [place_m])[0]) - self.vehicle.radius_m
 
     def estimated_m(self) -> tuple[float, float, float] | None:
-        pose = self.companion._pose_tracker.pose
+        pose = self.companion.state.pose_tracker.pose
         return None if pose is None else pose.position_m
 
 

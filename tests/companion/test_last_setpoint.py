@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.companion import cycle_stages
 from moar_companion.companion.mission_states import STREAMING, MissionState
 from moar_companion.companion.safety.condition_types import Action
 from moar_companion.companion.safety.conditions import CONDITIONS
@@ -189,10 +190,9 @@ def test_a_landing_by_the_autopilot_follows_a_setpoint_at_rest():
 def test_the_last_setpoint_needs_no_new_forecast_and_no_new_risk(monkeypatch):
     desk = Desk().come_to("flying", then_s=3.0)
     desk.now_s += 0.2  # both are due
-    executor = desk.companion._executor
-    for stage in ("look_ahead", "assess_risk"):
-        monkeypatch.setattr(executor, stage, lambda _now_s: 1 / 0)
-    monkeypatch.setattr(executor.risk_monitor, "take_answers", lambda _volume: 1 / 0)
+    for stage in ("_look_ahead", "_assess_risk"):
+        monkeypatch.setattr(cycle_stages, stage, lambda *_: 1 / 0)
+    monkeypatch.setattr(desk.companion.state.risk_monitor, "take_answers", lambda _volume: 1 / 0)
     shut_down(desk)
     assert speed_mps(desk.setpoints()[-1]) == 0.0
 

@@ -67,11 +67,11 @@ def test_a_late_cycle_requests_no_mode():
 @pytest.mark.slow
 def test_a_landing_requested_in_a_late_cycle_is_requested_again_once():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
-    desk.companion._executor.mode_requester.forget_landing()
+    desk.companion.state.mode_requester.forget_landing()
     desk.run(4.0).run_to_heartbeat()
     in_time = desk.companion.data_to_send
     asked_s = desk.now_s
-    desk.companion._executor.mode_requester.note_landing()
+    desk.companion.state.mode_requester.note_landing()
     come_late(desk)
     assert desk.run(0.1).mode_requests(asked_s) == []
     desk.companion.data_to_send = in_time
@@ -107,7 +107,7 @@ def test_a_last_setpoint_of_a_late_cycle_is_sent_by_the_next_cycle(cycles):
 
 def test_a_last_setpoint_of_a_later_cycle_is_not_part_of_the_next_stream():
     desk = released_late(1).step()
-    assert desk.companion._executor.setpoints._last is None
+    assert desk.companion.state.setpoints._last is None
 
 
 def test_a_last_setpoint_in_time_is_sent_once():

@@ -205,7 +205,7 @@ def test_in_a_hold_only_an_offboard_loss_at_the_present_place_counts():
 
 def test_a_plan_that_is_refused_in_flight_keeps_the_flown_one_unless_that_is_no_better():
     desk = Desk().come_to("flying", then_s=2.0)
-    survival = desk.companion._executor.routes.limits.offboard_loss
+    survival = desk.companion.state.routes.limits.offboard_loss
     objections = ["it would land on a roof", None]
     with mock.patch.object(survival, "_objection_to", side_effect=objections):
         for _ in range(400):
@@ -261,7 +261,7 @@ def test_failsafes_that_change_in_flight_cause_one_new_plan():
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT])
 def test_the_end_of_a_stay_at_a_target_is_reported_unless_an_exit_is_flown(mission):
     desk = Desk().come_to("flying", mission)
-    watch = desk.companion._executor.routes.limits.watch
+    watch = desk.companion.state.routes.limits.watch
     with mock.patch.object(watch, "note", return_value="GCS loss hits wire, exit in 9 s"):
         desk.run(0.1)
     assert desk.said("GCS loss hits wire, exit in 9 s") is (mission == INSPECTION)

@@ -45,7 +45,7 @@ def legs_begun(desk, seconds):
         if desk.state == "landing_leg":
             break
         desk.step()
-        flight = desk.companion._executor.routes.flight
+        flight = desk.companion.state.routes.flight
         count += flight.leaves and not leaves
         leaves = flight.leaves
     return count
@@ -199,8 +199,8 @@ def test_a_landing_that_was_forecast_and_does_not_come_holds_an_evacuation_for_a
 ):
     monkeypatch.setattr(refuge.Refuge, "_refuge_s", lambda *_: 1.0)
     desk = at_inner_target()
-    executor = desk.companion._executor
-    volume, watch = executor.routes.flight.path.volume, executor._refuge
+    state = desk.companion.state
+    volume, watch = state.routes.flight.path.volume, state.refuge
     land = FailsafeAction(trigger=Trigger.CRITICAL_BATTERY, action=AutopilotAction.LAND, setting="")
 
     def threatens(now_s, left_s):

@@ -196,7 +196,7 @@ def test_a_plan_that_needs_more_of_the_margin_is_flown_though_its_path_is_flown_
     (job,) = desk.jobs
     desk._give(job, replace(answer_job(desk.planners, job), narrowed_m=narrowed_m))
     desk.step()
-    assert desk.companion._executor.routes.flight.path.volume.narrowed_m == narrowed_m
+    assert desk.companion.state.routes.flight.path.volume.narrowed_m == narrowed_m
     assert len(plans(desk.run(0.1))) == (2 if narrowed_m else 1)
 
 

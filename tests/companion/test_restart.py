@@ -118,10 +118,10 @@ def test_accuracies_received_before_the_planner_is_ready_are_no_news_after_it():
     desk = Desk(with_site=False).set(accuracy_m=0.5)
     desk.companion.await_planner()
     desk.run(1.2)
-    before = desk.companion._executor.risk_monitor.accuracies
+    before = desk.companion.state.risk_monitor.accuracies
     assert before
     desk.companion.take_ground(SiteMaps(site=desk.site, maps=desk.planner.maps))
-    assert desk.companion._executor.risk_monitor.accuracies == before
+    assert desk.companion.state.risk_monitor.accuracies == before
 
 
 def test_an_aircraft_on_the_ground_discards_the_remaining_mission():

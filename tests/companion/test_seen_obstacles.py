@@ -192,7 +192,7 @@ def test_maps_that_come_late_hold_and_are_taken(desk):
     desk.run(1.5)
     assert desk.state == "holding"
     desk.run(5.0)
-    assert desk.companion._executor.routes.limits.site_maps.site.obstacles[-1].name == "seen-1"
+    assert desk.companion.state.routes.limits.site_maps.site.obstacles[-1].name == "seen-1"
 
 
 def test_an_obstacle_reported_while_other_maps_are_made_counts_as_missing_from_then_on(desk):
@@ -212,13 +212,13 @@ def test_an_obstacle_whose_removal_failed_is_removed_later(desk):
     desk.run(0.5)
     desk.maps_made = True
     desk.run(0.5)
-    names = [item.name for item in desk.companion._executor.routes.limits.site_maps.site.obstacles]
+    names = [item.name for item in desk.companion.state.routes.limits.site_maps.site.obstacles]
     assert "seen-1" not in names
 
 
 def test_a_sensor_restart_removes_nothing_from_the_maps_until_landing(desk):
     def seen():
-        site = desk.companion._executor.routes.limits.site_maps.site
+        site = desk.companion.state.routes.limits.site_maps.site
         return sum(item.name.startswith("seen") for item in site.obstacles)
 
     desk.conductors = (conductor(3.0, 14.5),)
@@ -236,7 +236,7 @@ def test_a_sensor_restart_removes_nothing_from_the_maps_until_landing(desk):
 
 def seen_m(desk):
     """Places of the seen conductors on the maps."""
-    site = desk.companion._executor.routes.limits.site_maps.site
+    site = desk.companion.state.routes.limits.site_maps.site
     return [item.position_m for item in site.obstacles if item.name.startswith("seen")]
 
 
@@ -370,7 +370,7 @@ def test_the_status_has_the_seen_obstacles(desk):
     assert seen["scan_age_s"] == pytest.approx(0.1, abs=0.06)
     assert [(item["name"], item["x_m"]) for item in seen["conductors"]] == [("seen-1", 3.0)]
     assert (seen["returns"], seen["solids"]) == (0.5, 1)
-    assert Desk().companion.perception_report is None
+    assert Desk().companion.state.seen_obstacles.report is None
 
 
 def test_a_second_wall_after_an_exit_over_the_first_holds_again(desk):
@@ -395,7 +395,7 @@ def test_a_silent_planner_does_not_let_the_aircraft_fly_into_a_seen_obstacle(des
 
 
 def test_a_seen_conductor_that_is_gone_permits_no_setpoint_nearer_to_the_file_conductor(desk):
-    limits = desk.companion._executor.routes.limits
+    limits = desk.companion.state.routes.limits
 
     def passable_m():
         (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")

@@ -62,7 +62,7 @@ def test_on_a_landing_leg_whose_rest_a_seen_keep_out_touches_the_aircraft_brakes
     desk.conductors = (conductor(35.8, 4.7),)
     desk.run(2.0)
     assert not any("setpoint" in text for text in desk.texts())
-    assert desk.companion._executor.routes.flight.barred_by is None
+    assert desk.companion.state.routes.flight.barred_by is None
     assert_is_not_hit(desk, (35.8, 4.7))
 
 
@@ -101,7 +101,7 @@ def test_a_leg_that_a_pilot_took_is_not_resumed_through_an_obstacle_seen_meanwhi
 def first_leg_m():
     """A place on the landing leg of the exit's first plan, outside the workspace."""
     desk = exits().run_until("ready")
-    x_m, _, z_m = desk.companion._executor.routes.flight.path.legs[-1].points_m[16]
+    x_m, _, z_m = desk.companion.state.routes.flight.path.legs[-1].points_m[16]
     return x_m, z_m
 
 
@@ -127,7 +127,7 @@ def test_a_free_path_is_taken_at_once_where_an_obstacle_bars_the_leg_of_the_acti
     desk.run_until("flying")
     desk.conductors = (conductor(*spot_m),)
     desk.run(1.0)
-    assert desk.companion._executor.routes.flight.barred_by is None
+    assert desk.companion.state.routes.flight.barred_by is None
 
 
 def test_a_fence_about_an_unknown_home_does_not_hide_seen_obstacles_from_a_flight():
@@ -171,7 +171,9 @@ def test_an_aircraft_beside_its_setpoint_does_not_return_through_an_obstacle_see
         desk.order(HOLD)
     desk.push_mps = (0.0, 2.4, 0.0)
     desk.run(6.0)
-    setpoint_m = desk.companion.progress.setpoint.position_m
+    setpoint_m = desk.companion.state.routes.flight.progress(
+        desk.companion.pose
+    ).setpoint.position_m
     spot_m = tuple((a + b) / 2.0 for a, b in zip(setpoint_m[::2], desk.place_m[::2], strict=True))
     assert 2.0 < math.dist(setpoint_m, desk.place_m) < desk.vehicle.guidance.leash_m
     desk.conductors = (conductor(*spot_m),)
@@ -185,7 +187,7 @@ def test_a_resumed_leg_has_the_speed_limits_of_the_present_maps():
     desk = Watched().set(accuracy_m=1.4).run(2.0).order(EXIT).run_until("ready").run(1.0)
     desk.send_heartbeat(OFFBOARD)
     desk.run_until("landing_leg", 60.0).run(1.5)
-    assert desk.companion._executor.routes.flight.path.volume.reach is not None
+    assert desk.companion.state.routes.flight.path.volume.reach is not None
     x_m, z_m = ahead(desk, 2.0)
     desk.send_heartbeat(POSCTL)
     desk.run(0.7)
@@ -193,7 +195,7 @@ def test_a_resumed_leg_has_the_speed_limits_of_the_present_maps():
     desk.run(1.0).order(EXIT).run(0.3)
     desk.send_heartbeat(OFFBOARD)
     desk.run(0.1)
-    volume = desk.companion._executor.routes.flight.path.volume
+    volume = desk.companion.state.routes.flight.path.volume
     assert (desk.state, volume.reach) == ("landing_leg", None)
 
 

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from moar_companion.companion import cycle_stages
 from moar_companion.companion.estimation.plane_to_local import PlaneToLocal
 from moar_companion.companion.estimation.pose import Jump, Setpoint
 from moar_companion.companion.guidance.path_follower import PathFollower
-from moar_companion.companion.mission_executor import MissionExecutor
 from moar_companion.companion.setpoint_streamer import SetpointStreamer
 from moar_companion.planner.site import Margin
 from moar_companion.settings.config import Supervision
@@ -67,7 +67,7 @@ def test_a_frame_shift_without_a_jump_moves_no_setpoint_in_the_autopilots_frame(
     """In the site's frame the setpoint moves correctly."""
     desk = Desk().come_to("flying", then_s=5.0)
     began = desk.now_s
-    monkeypatch.setattr(MissionExecutor, "shift", lambda *_: None)
+    monkeypatch.setattr(cycle_stages, "_shift", lambda *_: None)
     latitude, longitude, altitude = desk.origin
     desk.origin = (latitude, longitude + 0.4 / 78_000.0, altitude)
     desk.run(1.5)

@@ -83,7 +83,7 @@ def test_the_setpoint_of_the_status_is_the_one_that_was_sent():
     desk = Desk().come_to("flying", then_s=2.0)
     sent = desk.setpoints()[-1]
     path = status_of(desk)["path"]
-    plane = desk.companion._pose_tracker.plane
+    plane = desk.companion.state.pose_tracker.plane
     ned_m = plane.position_to_ned(tuple(path["setpoint"]["position_m"]))
     assert ned_m == pytest.approx((sent.x, sent.y, sent.z), abs=1e-4)
     assert math.dist(ned_m, desk.position_ned_m) == pytest.approx(path["error_m"], abs=0.1)
@@ -191,8 +191,8 @@ def test_ages_grow_while_a_source_is_silent():
 
 def test_the_text_of_the_status_is_the_last_one_sent_to_operators():
     desk = Desk().run(1.2)
-    desk.companion._reports.send_text(Severity.NOTICE, "first", desk.now_s)
-    desk.companion._reports.send_text(Severity.WARNING, "second", desk.now_s)
+    desk.companion.state.reports.send_text(Severity.NOTICE, "first", desk.now_s)
+    desk.companion.state.reports.send_text(Severity.WARNING, "second", desk.now_s)
     desk.take_what_is_sent()
     mission = status_of(desk.run(1.0))["mission"]
     assert mission["text"] == "MOAR: second"

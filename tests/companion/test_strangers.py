@@ -120,7 +120,7 @@ def test_five_thousand_denials_in_a_cycle_are_answered_sixty_times_at_most(sende
     desk.step()
     assert len(results(desk)) == (20 if senders == 1 else 60)
     assert len(desk.decisions) < 100
-    ledger, texts = desk.companion._session.commands, desk.companion._session._texts
+    ledger, texts = desk.companion.state.session.commands, desk.companion.state.session._texts
     assert len(ledger._packets) <= 64
     assert len(ledger._answers._senders._left) <= 64
     assert len(texts._sent_s) <= 256

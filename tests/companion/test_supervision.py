@@ -355,7 +355,7 @@ def at_the_end(behind_m):
     """At the end of the path to a target, with the aircraft `behind_m` away from it."""
     desk = Desk().come_to("flying")
     desk.fall_behind(0.0, behind_m, 0.0)
-    while not desk.companion._executor.routes.flight.arrived:
+    while not desk.companion.state.routes.flight.arrived:
         desk.step()
     return desk
 
@@ -413,7 +413,7 @@ def test_a_shorter_position_timeout_is_kept():
 
 def test_a_heading_that_is_no_number_is_held_and_never_sent():
     desk = Desk().come_to("flying", then_s=2.0)
-    desk.companion._executor.routes.flight._yaw_rad = math.nan
+    desk.companion.state.routes.flight._yaw_rad = math.nan
     began = desk.now_s
     desk.run(0.5)
     assert desk.state == "holding"

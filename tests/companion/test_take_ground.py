@@ -77,7 +77,7 @@ def test_a_report_of_the_sensor_is_no_news():
     )
     desk.companion.perceived(report)
     planner_ready(desk.step()).step()
-    assert desk.companion.perception_report is report
+    assert desk.companion.state.seen_obstacles.report is report
 
 
 def test_an_order_that_its_operator_cancels_is_not_executed():

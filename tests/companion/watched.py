@@ -72,7 +72,7 @@ class Watched(Desk):
     @property
     def ahead_m(self):
         """Points (n, 2) of the path still ahead."""
-        points_m, _ = self.companion._executor.routes.flight.path.rest()
+        points_m, _ = self.companion.state.routes.flight.path.rest()
         return points_m[:, ::2]
 
 

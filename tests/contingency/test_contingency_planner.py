@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 
 import pytest
 
+from moar_companion.companion import cycle_inputs
 from moar_companion.companion.planning.plan_jobs import PlanAnswer
 from moar_companion.planner.planner import Planner
 from moar_companion.risk.power import landing_s
@@ -27,7 +28,7 @@ def desk_with_contingencies(**config):
 
 
 def forecast(desk):
-    return desk.companion.energy_forecast
+    return desk.companion.state.risk_monitor.energy_forecast
 
 
 def test_in_the_air_both_escape_routes_are_ready_before_any_order():
@@ -54,7 +55,7 @@ def test_on_the_ground_no_escape_route_is_planned():
 
 
 def test_without_a_site_there_is_no_energy_forecast():
-    assert Desk(with_site=False).run(1.0).companion.energy_forecast is None
+    assert Desk(with_site=False).run(1.0).companion.state.risk_monitor.energy_forecast is None
 
 
 def test_escape_routes_are_replanned_from_the_position_of_the_aircraft():
@@ -333,9 +334,8 @@ def exit_is_flown(planner=far_exit_planner):
     desk.come_to("flying", then_s=0.5)
     desk.order(EXIT).run(2.0)
     assert desk.companion.status.task.mission is Mission.EXIT
-    executor = desk.companion._executor
-    scene = executor._inputs.scene(executor.status, pace=1.0)
-    return desk, executor.risk_monitor.contingencies, scene
+    state = desk.companion.state
+    return desk, state.risk_monitor.contingencies, cycle_inputs.scene(state)
 
 
 def seen_with(routes, scene, left_s, now_s, pace=1.0):

@@ -261,7 +261,7 @@ def test_a_fence_tightened_in_flight_is_a_hold_until_it_is_widened():
 
 def test_the_aircraft_slows_down_towards_a_fence_set_nearer_in_flight():
     desk = flown_with_a_fence(GF_ACTION=2.0)
-    flight = desk.companion._executor.routes.flight
+    flight = desk.companion.state.routes.flight
     rest_m, _ = flight.path.rest()
     ahead_m = float(rest_m[:, 2].max())
     before = flight._reference.trajectory.speed_mps.copy()

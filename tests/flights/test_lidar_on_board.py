@@ -38,7 +38,7 @@ def test_seen_obstacles_are_on_the_maps_before_an_order_and_a_silent_lidar_is_de
     flight.run(3.5)
     for site in (
         flight.planners.exact.site,
-        flight.companion._executor.routes.limits.site_maps.site,
+        flight.companion.state.routes.limits.site_maps.site,
     ):
         assert len(site.obstacles) == len(SITE.obstacles)
         for item in SITE.obstacles:

@@ -197,7 +197,7 @@ class Life:
         self.sends_as_autopilot = what == "messages" and seed // 2 % 2 == 0
         self.failed_tasks = 0
         self._begin()
-        codec = self.flight.companion.companion._session._codecs[COMPANION_LINK]
+        codec = self.flight.companion.companion.state.session._codecs[COMPANION_LINK]
         self.shapes = [shape_of(mavlink.mavlink_map[number]) for number in sorted(codec._wanted)]
 
     def _begin(self) -> None:

@@ -47,7 +47,7 @@ def desk(planner):
 
 def rooms_m(desk, since_s):
     """Distances from the hull to the nearest keep-out at every moving setpoint, by cells."""
-    plane, maps = desk.companion._pose_tracker.plane, desk.planner.maps
+    plane, maps = desk.companion.state.pose_tracker.plane, desk.planner.maps
     rooms = []
     for message in desk.setpoints(since_s):
         if any((message.vx, message.vy, message.vz)):

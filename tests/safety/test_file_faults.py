@@ -69,7 +69,7 @@ def test_a_new_planner_does_not_end_a_fault():
     desk = Desk().run(2.0)
     desk.companion.note_host(Host(file_faults=(FULL,)))
     desk.run(1.0)
-    desk.companion.take_ground(desk.companion._site_maps)
+    desk.companion.take_ground(desk.companion.state.routes.limits.site_maps)
     desk.run(1.0)
     assert not desk.said("over")
 

@@ -50,7 +50,7 @@ def judge(flight):
 
 
 def error_m(flight) -> float:
-    routes, pose = flight.companion._executor.routes, flight.companion.pose
+    routes, pose = flight.companion.state.routes, flight.companion.pose
     return routes.flight.error_m(pose)
 
 

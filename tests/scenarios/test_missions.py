@@ -8,7 +8,7 @@ from collections import Counter
 
 import pytest
 
-from moar_companion.companion.mission_executor import MissionExecutor
+from moar_companion.companion import cycle_stages
 from moar_companion.settings.config import Authority
 from tests.thorough import sampled
 
@@ -291,13 +291,13 @@ def test_the_path_ahead_is_measured_ten_times_a_second_and_the_risks_at_each_pos
     """At each position the measurement took a third of a cycle's processor time."""
     counts = Counter()
     for name in ("look_ahead", "assess_risk"):
-        method = getattr(MissionExecutor, name)
+        stage = getattr(cycle_stages, f"_{name}")
 
-        def counted(self, now_s, name=name, method=method):
+        def counted(state, now_s, name=name, stage=stage):
             counts[name] += 1
-            method(self, now_s)
+            stage(state, now_s)
 
-        monkeypatch.setattr(MissionExecutor, name, counted)
+        monkeypatch.setattr(cycle_stages, f"_{name}", counted)
     flight = hovering()
     flight.begin(INSPECTION)
     counts.clear()

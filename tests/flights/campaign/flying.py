@@ -460,7 +460,7 @@ class RandomFlight(Lockstep):
             )
         )  # fmt: skip
         self.modes.append(truth.mode)
-        flown = self.companion._executor.routes.flight
+        flown = self.companion.state.routes.flight
         for item in setpoints:
             message, nav = item.message, self.autopilot.manner.navigation
             reported_m = self._local_in_site(message.x, message.y, message.z)
