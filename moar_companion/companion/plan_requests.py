@@ -1,18 +1,22 @@
-"""Plan requests: the awaited plan, its start in flight, and the time of its request.
+"""Plan requests: reasons for a new plan, the awaited one, and for keeping the path that is flown.
 
-Jobs go out as values and answers come back as values; only the newest job's answer counts.
+Jobs go out as values and answers come back as values; only the newest job's answer counts. A new
+plan is due periodically, after a risk has left its dead band, and after obstacles have become wider
+or less wide; not too often. The new path has to be better by a margin. Without the margin, noise on
+the risks would change between two paths of nearly equal cost every few seconds.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from ..mavlink.autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..planner.adaptation import Adaptation
 from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
 from ..planner.site import PlanePoint
+from ..settings.config import Replanning
 from ..texts import pilot_texts
 from ..texts.text_format import seconds
 from ..types import RiskIndices
@@ -23,6 +27,22 @@ from .planning.plan_jobs import PlanAnswer, PlanJob
 
 _ANSWER_TIMEOUT_S = 5.0
 """Plans take milliseconds: a planner without an answer for this long has failed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlanBasis:
+    """What a plan is made for, and what is asked again when it changes.
+
+    widening_m: inflation of obstacles. narrowed_m: part of the margin that an escape route may
+    give up.
+    """
+
+    risk: RiskIndices = field(default_factory=RiskIndices)
+    widening_m: float = 0.0
+    narrowed_m: float = 0.0
+    fence: PlaneFence | None = None
+    failsafes: Failsafes = NO_FAILSAFES
+    site_maps: SiteMaps | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,6 +60,30 @@ class Awaited:
     """Reason for the request."""
 
 
+def replan_reason(
+    policy: Replanning, basis: PlanBasis, risk: RiskIndices, widening_m: float, age_s: float
+) -> str | None:
+    """Reason to plan again, `age_s` after the last plan; None if there is no reason.
+
+    basis: of the last plan. widening_m: inflation of obstacles now; in steps, so that any change
+    counts.
+    """
+    if age_s < policy.min_interval_s:
+        return None
+    if widening_m != basis.widening_m:
+        return f"obstacles wider by {basis.widening_m:.1f} -> {widening_m:.1f} m"
+    before = basis.risk.as_dict()
+    for name, value in risk.as_dict().items():
+        if abs(value - before[name]) >= policy.risk_change:
+            return f"{name} risk {before[name]:.2f} -> {value:.2f}"
+    return "time" if age_s >= policy.period_s else None
+
+
+def stays(policy: Replanning, *, flown_cost: float, new_cost: float) -> bool:
+    """True if a path that is still free stays. Costs: J of both from one place, by new weights."""
+    return flown_cost - new_cost <= policy.improvement * flown_cost
+
+
 class PlanRequests:
     """Requests plans one at a time."""
 
@@ -52,14 +96,9 @@ class PlanRequests:
         self._answer: PlanAnswer | None = None
         """Its answer, until the mission takes it."""
         self.asked_s = -math.inf
-        self.asked_risk = RiskIndices()
-        self.asked_widening_m = 0.0
-        self.asked_fence: PlaneFence | None = None
-        self.asked_failsafes = NO_FAILSAFES
-        """Time of the last request, with its risks, inflation of obstacles, fence and failsafes. A
-        first plan keeps the time of its first request."""
-        self.asked_maps: SiteMaps | None = None
-        """Site and maps at the last request."""
+        """Time of the last request; a first plan keeps that of its first request."""
+        self.basis = PlanBasis()
+        """What it was made for."""
         self.wanting_since_s: float | None = None
         """Time of the first request for a new plan of the current task; None if none is pending."""
 
@@ -73,12 +112,7 @@ class PlanRequests:
         task: Task,
         junction: Splice,
         adaptation: Adaptation,
-        risk: RiskIndices,
-        widening_m: float,
-        fence: PlaneFence | None,
-        failsafes: Failsafes,
-        narrowed_m: float,
-        site_maps: SiteMaps | None,
+        basis: PlanBasis,
         *,
         first: bool,
         reason: str,
@@ -100,15 +134,15 @@ class PlanRequests:
                 target=task.goal,
                 start_m=(x_m, z_m),
                 velocity_mps=(vx_mps, vz_mps),
-                weights=adaptation.weights(risk),
-                risk=risk,
+                weights=adaptation.weights(basis.risk),
+                risk=basis.risk,
                 adaptation=adaptation,
             ),
             origin_m=self._origin_m,
-            widening_m=widening_m,
-            fence=fence,
-            failsafes=failsafes,
-            narrowed_m=narrowed_m,
+            widening_m=basis.widening_m,
+            fence=basis.fence,
+            failsafes=basis.failsafes,
+            narrowed_m=basis.narrowed_m,
         )
         if first:
             self.wanting_since_s = None
@@ -123,9 +157,7 @@ class PlanRequests:
         )
         self._answer = None
         self._jobs.append(job)
-        self.asked_s, self.asked_risk = now_s, risk
-        self.asked_widening_m, self.asked_fence = widening_m, fence
-        self.asked_failsafes, self.asked_maps = failsafes, site_maps
+        self.asked_s, self.basis = now_s, basis
 
     def ask_again(self, awaited: Awaited, site_maps: SiteMaps | None, now_s: float) -> None:
         """Repeats a request whose answer is on maps that are no longer the present ones."""
@@ -133,7 +165,7 @@ class PlanRequests:
         job = replace(awaited.job, job_id=self._last_id)
         self._awaited = replace(awaited, job=job)
         self._jobs.append(job)
-        self.asked_maps = site_maps
+        self.basis = replace(self.basis, site_maps=site_maps)
         if not awaited.first:  # the time-out of a first plan counts from its first request
             self.wanting_since_s, self.asked_s = awaited.since_s, now_s
 

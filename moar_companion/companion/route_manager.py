@@ -22,10 +22,9 @@ from .estimation.pose_tracker import SiteMaps
 from .flight_limits import FlightLimits
 from .guidance.path_follower import PathFollower
 from .guidance.splice import Adoption
-from .mission.replanning import replan_reason, stays
 from .mission.values import Task
 from .plan_inflation import PlanInflation
-from .plan_requests import Awaited, PlanRequests
+from .plan_requests import Awaited, PlanBasis, PlanRequests, replan_reason, stays
 from .planning.plan_jobs import PlanAnswer, PlanJob
 from .reports import PlanReports, Reports
 
@@ -132,7 +131,7 @@ class RouteManager:
         if self._is_barred(awaited, answer):
             self._plans.ask_again(awaited, self.limits.site_maps, now_s)
             return None
-        if self._plans.asked_maps is not self.limits.site_maps:
+        if self._plans.basis.site_maps is not self.limits.site_maps:
             answer = replace(answer, reach=None)  # which lacks obstacles of the present maps
         return awaited, answer
 
@@ -141,7 +140,7 @@ class RouteManager:
         flight, volume, plan = self.flight, self.limits.volume, answer.plan
         if plan is None or flight is None or volume is None:
             return False
-        if self._plans.asked_maps is self.limits.site_maps:
+        if self._plans.basis.site_maps is self.limits.site_maps:
             return False
         path = replace(flight.path, volume=replace(volume, narrowed_m=answer.narrowed_m))
         return path.bars(plan, awaited.junction, answer.escape_m)
@@ -173,17 +172,20 @@ class RouteManager:
             self.inflation.forget_no_room()
         elif junction.at_end and not self.flight.braked:
             return "at the plan's end"
-        width_m = self.inflation.of(task.mission)
+        narrowed_m = self.flight.path.volume.narrowed_m
+        basis = PlanBasis(
+            risk=risk,
+            widening_m=self.inflation.of(task.mission),
+            narrowed_m=0.0 if task.mission is Mission.INSPECTION else narrowed_m,
+            fence=self.limits.fence,
+            failsafes=self.limits.watch.failsafes,
+            site_maps=self.limits.site_maps,
+        )
         self._plans.ask(
             task,
             junction,
             Adaptation.of(self._vehicle, task.mission),
-            risk,
-            width_m,
-            self.limits.fence,
-            self.limits.watch.failsafes,
-            0.0 if task.mission is Mission.INSPECTION else self.flight.path.volume.narrowed_m,
-            self.limits.site_maps,
+            basis,
             first=first,
             reason=reason,
             now_s=now_s,
@@ -265,7 +267,7 @@ class RouteManager:
             return
         age_s = now_s - self._plans.asked_s
         reason: str | None
-        known = self._plans.asked_maps is self.limits.site_maps
+        known = self._plans.basis.site_maps is self.limits.site_maps
         seldom = age_s >= self._config.replanning.min_interval_s
         if (seldom or not known) and self.limits.obstacles_seen and flight.barred_by is not None:
             reason = "an obstacle is seen in the path"
@@ -274,18 +276,17 @@ class RouteManager:
         elif flight.braked:
             # The task continues: an escape route has precedence over the cause of the brake.
             reason = "no progress" if age_s >= _STANDS_FOR_S else None
-        elif self._plans.asked_fence != self.limits.fence:
+        elif self._plans.basis.fence != self.limits.fence:
             reason = "the autopilot's fence is another"
-        elif self._plans.asked_failsafes != self.limits.watch.failsafes:
+        elif self._plans.basis.failsafes != self.limits.watch.failsafes:
             reason = "the autopilot's failsafes are others"
         else:
             reason = replan_reason(
                 self._config.replanning,
-                planned_risk=self._plans.asked_risk,
-                risk=risk,
-                planned_widening_m=self._plans.asked_widening_m,
-                widening_m=self.inflation.of(task.mission),
-                age_s=age_s,
+                self._plans.basis,
+                risk,
+                self.inflation.of(task.mission),
+                age_s,
             )
         if reason is not None and (flight.braked or not flight.on_leg):
             self.ask(task, pose, risk, now_s, first=False, reason=reason)

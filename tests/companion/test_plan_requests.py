@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.companion.mission.replanning import replan_reason, stays
+from moar_companion.companion.plan_requests import PlanBasis, replan_reason, stays
 from moar_companion.settings.config import Replanning
 from moar_companion.types import RiskIndices
 
@@ -12,14 +12,8 @@ POLICY = Replanning(period_s=2.0, risk_change=0.1, min_interval_s=0.3)
 
 
 def reason(age_s, *, before=None, now=None, policy=POLICY, widening_m=(0.0, 0.0)):
-    return replan_reason(
-        policy,
-        planned_risk=RiskIndices(**(before or {})),
-        risk=RiskIndices(**(now or {})),
-        planned_widening_m=widening_m[0],
-        widening_m=widening_m[1],
-        age_s=age_s,
-    )
+    basis = PlanBasis(risk=RiskIndices(**(before or {})), widening_m=widening_m[0])
+    return replan_reason(policy, basis, RiskIndices(**(now or {})), widening_m[1], age_s)
 
 
 @pytest.mark.parametrize(
