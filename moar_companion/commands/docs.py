@@ -34,10 +34,15 @@ names its [schema](schemas) in its first line, as those here do.
 
 `companion.yaml`. Relative paths are relative to the file. The command line overrides it.
 
+Guides: `links`, `commands`, `signing` ([who may command](guides/commanding.md)), `authority`, `resume`, `supervision`
+([in flight](guides/flight.md)), `supervision.position_uncertainty_m` ([margins](guides/margin.md)), `recorder`
+([recordings](guides/recordings.md)), `perception` ([a lidar](guides/lidar.md)), `mqtt` ([MQTT](MQTT.md)).
+
 {service}
 
 ## Vehicle
 
+`vehicles/*.yaml`: [your vehicle](guides/vehicle.md), [the autopilot's limits](guides/autopilot.md).
 Thresholds of the section `risk` are ranges `[low, high]`: the risk is 0 at the first and 1 at the
 second, which may be the smaller one.
 
@@ -45,7 +50,7 @@ second, which may be the smaller one.
 
 ## Site
 
-Positions are in the site's vertical plane: `x_m` along the azimuth, `z_m` up.
+`sites/*.yaml`: [your first site](guides/site.md). Positions are in the site's vertical plane: `x_m` along the azimuth, `z_m` up.
 
 {site}
 
