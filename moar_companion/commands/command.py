@@ -17,7 +17,7 @@ from typing import Any
 
 from ..companion.mission_states import MissionState
 from ..errors import LinkError
-from ..mavlink.commands import RESULT_NAMES, CommandResult
+from ..mavlink.commands import ORDERS, RESULT_NAMES, CommandResult
 from ..mavlink.modes import mode_name
 from ..mavlink.translate import autopilot_kind
 from ..mavlink.urls import parse_url
@@ -26,20 +26,8 @@ from .ground_station import COMPANION, GroundStation
 from .options import add_file, number, refused
 from .outputs import print_text
 
-_USER_1 = 31010
-_DO_PAUSE_CONTINUE = 193
-_ORDERS = {
-    "inspection": (_USER_1, 1),
-    "exit": (_USER_1, 2),
-    "evacuation": (_USER_1, 3),
-    "hold": (_USER_1, 0),
-    "pause": (_DO_PAUSE_CONTINUE, 0),
-    "continue": (_DO_PAUSE_CONTINUE, 1),
-    "release": (_USER_1, 4),
-}
-"""MAV_CMD and its param1, by the order's name on the command line."""
 _STATUS = "status"
-_WORDS = (*_ORDERS, _STATUS)
+_WORDS = (*ORDERS, _STATUS)
 _ANY = -1
 """All targets in turn; any landing point."""
 
@@ -68,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "order",
         metavar="MISSION",
         type=_word,
-        help=f"one of {', '.join(_ORDERS)}; or {_STATUS}, which orders nothing and shows what the "
+        help=f"one of {', '.join(ORDERS)}; or {_STATUS}, which orders nothing and shows what the "
         "companion says of itself",
     )
     parser.add_argument(
@@ -176,7 +164,7 @@ def _answer(
 
     Raises LinkError without any answer, not even IN_PROGRESS, for the time-out.
     """
-    command, param1 = _ORDERS[order]
+    command, param1 = ORDERS[order]
     confirmation, in_progress = 0, False
     texts: list[str] = []
     until_s = time.monotonic() + timeout_s

@@ -1,8 +1,6 @@
-"""The stages of a cycle, from received data to packets.
+"""The stages of a cycle, from received data to packets: `run` names them in their order.
 
-    observe -> look ahead -> assess risk -> rule -> transition -> route -> follow -> emit
-
-`run` names them in this order. Each reads the state of the machine and changes it; decisions are
+Each reads the state of the machine and changes it; decisions are
 made by pure functions and step machines of the packages beside this module.
 """
 

@@ -1,7 +1,7 @@
 """Commands from operators: COMMAND_LONG, COMMAND_INT and COMMAND_CANCEL to values. No I/O.
 
-MAV_CMD_USER_1 (31010), a `MissionCommand`: param1 0 to 4, see `_MISSIONS`; param2 the index.
-MAV_CMD_DO_PAUSE_CONTINUE (193), a `PauseContinue`: param1 0 pause, 1 continue.
+MAV_CMD_USER_1 (31010), a `MissionCommand`, and MAV_CMD_DO_PAUSE_CONTINUE (193), a `PauseContinue`:
+param1 by `ORDERS`; param2 of the first is the index.
 
 The companion answers every command addressed to it, unknown ones with UNSUPPORTED. Of commands to
 component 0 it answers only these two. Both autopilots broadcast commands for other components (PX4
@@ -28,6 +28,16 @@ _MISSIONS: tuple[MissionWord, ...] = (
     "hold", Mission.INSPECTION, Mission.EXIT, Mission.EVACUATION, "release"
 )  # fmt: skip
 """Orders by param1 of MAV_CMD_USER_1."""
+_MISSION, _PAUSE = int(mavlink.MAV_CMD_USER_1), int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE)
+ORDERS: dict[str, tuple[int, float]] = {
+    **{
+        str(getattr(word, "value", word)): (_MISSION, float(at))
+        for at, word in enumerate(_MISSIONS)
+    },
+    "pause": (_PAUSE, 0.0),
+    "continue": (_PAUSE, 1.0),
+}
+"""Command and its param1, by the order's word; `service/mqtt/payloads` has the same words."""
 
 _MAX_INDEX = 65535
 """Greatest index: no site file has more targets, and a float holds such integers exactly."""
@@ -170,9 +180,9 @@ def interpret(
         command=int(message.command),
         parameters=_parameters(message),
     )
-    if message.command == mavlink.MAV_CMD_USER_1:
+    if message.command == _MISSION:
         return _mission_command(given)
-    if message.command == mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
+    if message.command == _PAUSE:
         return _pause_continue(given)
     return None if message.target_component == 0 else UnsupportedCommand(**given)
 

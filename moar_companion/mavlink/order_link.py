@@ -9,24 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from ..types import Mission
 from .codec import Codec
-from .commands import CommandResult
+from .commands import ORDERS, CommandResult
 from .dialect import create, mavlink
 
 _SYSTEM, _COMPONENT = 255, int(mavlink.MAV_COMP_ID_UDP_BRIDGE)
 """Ids of a ground station that differ from those of ground stations with a display."""
-_MISSION, _PAUSE = int(mavlink.MAV_CMD_USER_1), int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE)
-_COMMANDS: dict[str, tuple[int, float]] = {
-    "hold": (_MISSION, 0.0),
-    Mission.INSPECTION.value: (_MISSION, 1.0),
-    Mission.EXIT.value: (_MISSION, 2.0),
-    Mission.EVACUATION.value: (_MISSION, 3.0),
-    "release": (_MISSION, 4.0),
-    "pause": (_PAUSE, 0.0),
-    "continue": (_PAUSE, 1.0),
-}
-"""Command and its param1, by the order's word."""
 _ANY = -1.0
 _WANTED = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK), int(mavlink.MAVLINK_MSG_ID_STATUSTEXT)}
@@ -58,7 +46,7 @@ class OrderLink:
 
     def packet(self, order_id: str, word: str, index: int | None) -> bytes:
         """Packet of an order. word: a mission, hold, release, pause or continue."""
-        command, param1 = _COMMANDS[word]
+        command, param1 = ORDERS[word]
         before = self._open.get(command)
         if before is not None:
             cancelled = CommandResult.CANCELLED

@@ -13,6 +13,7 @@ from ..types import AutopilotKind
 from . import telemetry_receiver, translate
 from .codec import Codec
 from .commands import (
+    ORDERS,
     Command,
     CommandResult,
     DeniedCommand,
@@ -32,7 +33,7 @@ from .translate_radio import RADIO_IDS
 GROUND_STATION = "ground_station"
 """The input that is not of the aircraft."""
 _LINK = "recording"
-_ORDERS = frozenset({int(mavlink.MAV_CMD_USER_1), int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE)})
+_ORDERS = frozenset(command for command, _ in ORDERS.values())
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 _STATUSTEXT = int(mavlink.MAVLINK_MSG_ID_STATUSTEXT)
 _COMMAND_LONG = int(mavlink.MAVLINK_MSG_ID_COMMAND_LONG)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.mavlink.commands import CommandResult
+from moar_companion.mavlink.commands import ORDERS, CommandResult
 from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.order_link import OrderLink
 from moar_companion.service import mqtt_orders
@@ -33,6 +33,11 @@ def order(nonce="0123456789abcdef", *, mission="inspection", target=None, time_s
 
 def checks(vehicle="a1"):
     return OrderChecks(vehicle, KEY, WINDOW_S, START_S)
+
+
+def test_the_words_of_an_order_are_those_of_the_commands():
+    schema = OrderPayload.model_json_schema()["properties"]["mission"]
+    assert set(schema["enum"]) == set(ORDERS)
 
 
 def refused(checked):
