@@ -34,9 +34,10 @@ names its [schema](schemas) in its first line, as those here do.
 
 `companion.yaml`. Relative paths are relative to the file. The command line overrides it.
 
-Guides: `links`, `commands`, `signing` ([who may command](guides/commanding.md)), `authority`, `resume`, `supervision`
-([in flight](guides/flight.md)), `supervision.position_uncertainty_m` ([margins](guides/margin.md)), `recorder`
-([recordings](guides/recordings.md)), `perception` ([a lidar](guides/lidar.md)), `mqtt` ([MQTT](MQTT.md)).
+Guides: `links`, `commands`, `signing` ([who may command](guides/commanding.md)), `authority`,
+`resume`, `supervision` ([in flight](guides/flight.md)), `supervision.position_uncertainty_m`
+([margins](guides/margin.md)), `recorder` ([recordings](guides/recordings.md)), `perception`
+([a lidar](guides/lidar.md)), `mqtt` ([MQTT](MQTT.md)).
 
 {service}
 
@@ -50,7 +51,8 @@ second, which may be the smaller one.
 
 ## Site
 
-`sites/*.yaml`: [your first site](guides/site.md). Positions are in the site's vertical plane: `x_m` along the azimuth, `z_m` up.
+`sites/*.yaml`: [your first site](guides/site.md). Positions are in the site's vertical plane:
+`x_m` along the azimuth, `z_m` up.
 
 {site}
 
