@@ -8,9 +8,10 @@ unless named otherwise; None (null): unknown, or not present now.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 from annotated_types import Ge, Le
+from pydantic_core import to_jsonable_python
 
 from .types import GeodeticPoint, Mission
 
@@ -19,6 +20,12 @@ Triple = tuple[float, float, float]
 """x along the plane, y across it, z up."""
 
 _Value = TypeVar("_Value")
+
+
+def json_dict(value: Any) -> dict[str, Any]:
+    """A value as a dict for JSON; several times as fast as dataclasses.asdict."""
+    shown: dict[str, Any] = to_jsonable_python(value)
+    return shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,13 +12,14 @@ import math
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..planner.adaptation import Adaptation
 from ..settings.vehicle import AdaptationKind
+from ..status_values import json_dict
 from ..types import Mission, RiskIndices, Weights
 from .options import add_file, file_name, numbers, refused, require, risk_indices
 from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
@@ -366,7 +367,7 @@ def _explained(planner: Planner, plan: Plan, adaptation: Adaptation) -> dict[str
     request = replace(plan.request, risk=RiskIndices()).adapted(adaptation)
     difference = path_difference(planner.solve(request), plan)
     return {
-        "weights": asdict(weights_section(adaptation, plan.request.risk)),
+        "weights": json_dict(weights_section(adaptation, plan.request.risk)),
         "path": None if difference is None else difference.to_dict(),
     }
 

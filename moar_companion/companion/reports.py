@@ -27,6 +27,7 @@ from ..risk import RiskEstimate
 from ..risk.explain import risk_section, weights_section
 from ..risk.power.cells import misread
 from ..settings.vehicle import Vehicle
+from ..status_values import json_dict
 from ..texts import pilot_texts, service_texts
 from ..texts.text_format import coordinate, distance, limit_text, pilot_text, plural, seconds
 from ..types import Mission, RiskIndices, Weights
@@ -185,8 +186,8 @@ class PlanReports:
             plan=plan.to_dict(),
             explanation={
                 "reason": awaited.reason,
-                "risk": asdict(risk_section(estimate)),
-                "weights": asdict(weights_section(adaptation, plan.request.risk)),
+                "risk": json_dict(risk_section(estimate)),
+                "weights": json_dict(weights_section(adaptation, plan.request.risk)),
                 "path": None if difference is None else difference.to_dict(),
             },
         )

@@ -12,8 +12,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pydantic_core import to_jsonable_python
-
 from ..mavlink.telemetry import LinkStatistics, Telemetry
 from ..perception.perception_report import PerceptionReport
 from ..risk.explain import risk_section, weights_section
@@ -34,6 +32,7 @@ from ..status_values import (
     Status,
     SupervisionSection,
     WaypointEntry,
+    json_dict,
 )
 from .companion import Companion
 from .cycle_state import CycleState
@@ -123,8 +122,7 @@ class LatestDecisions:
             host=_host(state.host),
             recorder=None if recorder is None else str(recorder),
         )
-        shown: dict[str, Any] = to_jsonable_python(status)  # many times as fast as asdict
-        return shown
+        return json_dict(status)
 
     def _mission(self, status: MissionStatus, now_s: float) -> MissionSection:
         text = self._text

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from ...mavlink.packet_count import SourceStatistics
@@ -24,6 +24,7 @@ from ...risk.explain import index_words, weights_section
 from ...risk.indices import IndexReport
 from ...risk.power import PowerModel
 from ...settings.vehicle import Vehicle
+from ...status_values import json_dict
 from ...types import AutopilotKind, Mission
 from .events import SILENCE_S, EventLog
 from .replay_report import Replay, ReplayMeasure, ReplaySample
@@ -238,7 +239,7 @@ class Player(Generic[Packet_contra]):
                     name: index_words(name, values[name], report)
                     for name, report in reports.items()
                 },
-                weights=asdict(weights_section(self._adaptation, self._risk.indices)),
+                weights=json_dict(weights_section(self._adaptation, self._risk.indices)),
                 armed=None if autopilot is None else autopilot.armed,
                 mode=None if autopilot is None else autopilot.mode,
                 mission_state=self._events.mission_state,
