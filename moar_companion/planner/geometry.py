@@ -16,7 +16,12 @@ from .site import Obstacle, PlanePoint, Polygon
 
 def obstacle_distance_m(obstacle: Obstacle, points_m: FloatArray) -> FloatArray:
     """Distance from points (..., 2) to an obstacle's surface, (...)."""
-    distance = polygon_distance_m(np.asarray(obstacle.outline_m), points_m)
+    outline = np.asarray(obstacle.outline_m)
+    if len(outline) > 1:
+        distance = polygon_distance_m(outline, points_m)
+    else:
+        offset = points_m - outline[0]
+        distance = np.hypot(offset[..., 0], offset[..., 1])
     return np.asarray(np.maximum(distance - obstacle.radius_m, 0.0))
 
 
