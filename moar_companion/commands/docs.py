@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,32 @@ second, which may be the smaller one.
 `x_m` along the azimuth, `z_m` up.
 
 {site}
+
+## Orders
+
+Commands to component 195: [guide](guides/flight.md#orders). param2 of a mission is the number of
+the target or of the landing point, from 0; -1: all targets in turn, any landing point.
+
+{orders}
+
+## Messages of the autopilot
+
+Rates in Hz that the companion requests where they are not received; in brackets on a link that is
+no serial port.
+
+{messages}
+
+## MQTT topics
+
+`moar/VEHICLE/TOPIC`: [guide](MQTT.md).
+
+{topics}
+
+## Channels of a recording
+
+`flight.mcap`: [guide](guides/recordings.md).
+
+{channels}
 
 ## Conditions
 
@@ -106,7 +132,9 @@ def _files(checkout: Path) -> Iterator[tuple[Path, str]]:
     configs = checkout / "configs"
     service = COMPANION_FILE.schema
     tables = {"service": table(service), "vehicle": table(VehicleFile), "site": table(SiteFile)}
-    yield configs / "reference.md", _PAGE.format(**tables, **_conditions(), texts=_texts())
+    tables |= {"orders": _orders(), "messages": _messages(), "topics": _topics()}
+    tables |= {"channels": _channels(), "texts": _texts(), **_conditions()}
+    yield configs / "reference.md", _PAGE.format(**tables)
     for name, model, example in (
         ("companion", service, "companion.yaml"),
         ("vehicle", VehicleFile, "vehicles/x500.yaml"),
@@ -135,6 +163,72 @@ def _json(schema: dict[str, Any]) -> str:
 
 def _has(path: Path, text: str) -> bool:
     return path.is_file() and path.read_bytes() == text.encode()
+
+
+def _table(head: str, rows: Iterable[str]) -> str:
+    """A table in Markdown. head, rows: cells with bars between them."""
+    return "\n".join([f"| {head} |", "|---" * (head.count("|") + 1) + "|", *rows])
+
+
+def _orders() -> str:
+    from ..mavlink.commands import ORDERS  # noqa: PLC0415
+    from ..mavlink.dialect import mavlink  # noqa: PLC0415
+
+    names = {number: item.name for number, item in mavlink.enums["MAV_CMD"].items()}
+    return _table(
+        "order | command | param1",
+        (
+            f"| {word} | {names[command]} ({command}) | {param1:g} |"
+            for word, (command, param1) in ORDERS.items()
+        ),
+    )
+
+
+def _messages() -> str:
+    from ..mavlink.dialect import mavlink  # noqa: PLC0415
+    from ..mavlink.message_rates import on_network, wanted_rates_hz  # noqa: PLC0415
+    from ..types import AUTOPILOTS  # noqa: PLC0415
+
+    serial = [wanted_rates_hz(kind) for kind in AUTOPILOTS]
+    network = [on_network(rates) for rates in serial]
+
+    def shown(number: int) -> Iterator[str]:
+        for rates_hz, faster_hz in zip(serial, network, strict=True):
+            rate, other = rates_hz.get(number), faster_hz.get(number)
+            bracket = "" if other == rate else f" ({other:g})"
+            yield "" if rate is None else f"{rate:g}{bracket}"
+
+    names = {number: mavlink.mavlink_map[number].msgname for rates in serial for number in rates}
+    return _table(
+        f"message | {' | '.join(AUTOPILOTS)}",
+        (f"| {name} | {' | '.join(shown(number))} |" for number, name in sorted(names.items())),
+    )
+
+
+def _topics() -> str:
+    from ..service.mqtt.payloads import Online, OrderPayload, Reply  # noqa: PLC0415
+    from ..service.mqtt.topics import ONLINE, ORDER, REPLY, TOPICS  # noqa: PLC0415
+
+    def row(name: str, kind: type, when: str, qos: int, *, retain: bool) -> str:
+        about = " ".join((kind.__doc__ or "").partition("\n\n")[0].split())
+        return f"| `{name}` | {about} | {when} | {qos} | {'yes' if retain else 'no'} |"
+
+    rows = [row(ONLINE, Online, "connection, its end", 1, retain=True)]
+    for item in TOPICS:
+        when = "change" if item.period_s is None else f"{item.period_s:g} s"
+        rows.append(row(item.name, item.payload, when, item.qos, retain=item.retain))
+    rows.append(row(ORDER, OrderPayload, "order", 1, retain=False))
+    rows.append(row(REPLY, Reply, "answer", 1, retain=False))
+    return _table("topic | content | when | QoS | retained", rows)
+
+
+def _channels() -> str:
+    from ..service.recording.schemas import ABOUT  # noqa: PLC0415
+
+    return _table(
+        "channel | schema | content",
+        (f"| `{name}` | `{schema}` | {about} |" for name, (schema, about) in ABOUT.items()),
+    )
 
 
 def _conditions() -> dict[str, str]:

@@ -58,6 +58,14 @@ def shape_of(hint: Any) -> Shape:
     return {bool: _B, int: _I, float: _N, str: _S}.get(hint, {})
 
 
+def _about(kind: Any) -> str:
+    """First paragraph of a section's description."""
+    kinds = (kind, typing.get_origin(kind), *typing.get_args(kind))
+    described = next((item for item in kinds if dataclasses.is_dataclass(item)), None)
+    about = "Numbers by name." if described is None else described.__doc__ or ""
+    return " ".join(about.partition("\n\n")[0].split())
+
+
 _TIME = {"sec": _I, "nsec": _I}
 _VECTOR = {"x": _N, "y": _N, "z": _N}
 _POSE = {"position": _VECTOR, "orientation": {**_VECTOR, "w": _N}}
@@ -148,29 +156,36 @@ _FOXGLOVE: dict[str, Shape] = {
 _SOURCES = [*(item.name for item in dataclasses.fields(Telemetry)), "battery"]
 _WITHOUT = {"time_s", "batteries", "perception", "host", "recorder"}
 """Values of the status without a channel: others have them, or no panel plots them."""
+_SECTIONS = typing.get_type_hints(Status)
 STATUS: dict[str, Shape] = {
-    name: shape_of(kind)
-    for name, kind in typing.get_type_hints(Status).items()
-    if name not in _WITHOUT
+    name: shape_of(kind) for name, kind in _SECTIONS.items() if name not in _WITHOUT
 } | {"age_s": dict.fromkeys(_SOURCES, _N)}
 """Sections of the status, one channel each."""
 
 CALLS = "/machine/calls"
-CHANNELS: dict[str, str] = {
-    "/pose": "foxglove.PoseInFrame",
-    "/flown": "foxglove.PosesInFrame",
-    "/planned": "foxglove.PosesInFrame",
-    "/site": "foxglove.SceneUpdate",
-    "/safety_map": "foxglove.Grid",
-    "/location": "foxglove.LocationFix",
-    "/log": "foxglove.Log",
-    "/setpoint": "moar.Setpoint",
-    "/decision": "moar.Decision",
-    "/host": "moar.Host",
-    "/telemetry": "moar.Telemetry",
-    CALLS: "moar.Calls",
-    **{f"/{name}": f"moar.{name.title().replace('_', '')}" for name in STATUS},
+ABOUT: dict[str, tuple[str, str]] = {
+    "/pose": ("foxglove.PoseInFrame", "The aircraft, 10 Hz."),
+    "/flown": ("foxglove.PosesInFrame", "Places of the last five minutes, each 10 s."),
+    "/planned": ("foxglove.PosesInFrame", "Each path that is taken."),
+    "/site": ("foxglove.SceneUpdate", "Obstacles with keep-outs, and targets, once in each part."),
+    "/safety_map": ("foxglove.Grid", "The safety cost, once in each part."),
+    "/location": ("foxglove.LocationFix", "The aircraft for the Map panel, 2 Hz."),
+    "/log": ("foxglove.Log", "Texts for pilots."),
+    "/setpoint": ("moar.Setpoint", "Each setpoint that was sent, in the autopilot's frame."),
+    "/decision": ("moar.Decision", "As in `decisions.jsonl`, without the status."),
+    "/host": ("moar.Host", "Free disk and memory, delays, file faults, 1 Hz."),
+    "/telemetry": ("moar.Telemetry", "The last report of each source, 2 Hz."),
+    CALLS: (
+        "moar.Calls",
+        "Every input of the companion and every result, in order: for `replay --exact`.",
+    ),
+    **{
+        f"/{name}": (f"moar.{name.title().replace('_', '')}", f"{_about(_SECTIONS[name])} 2 Hz.")
+        for name in STATUS
+    },
 }
+"""Schema and content of each channel."""
+CHANNELS = {name: schema for name, (schema, _) in ABOUT.items()}
 """Schema of each channel."""
 SHAPES: dict[str, Shape] = {
     **_FOXGLOVE,
