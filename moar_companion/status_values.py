@@ -7,35 +7,29 @@ unless named otherwise; None (null): unknown, or not present now.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any
 
-from annotated_types import Ge, Le
-from pydantic_core import to_jsonable_python
+from pydantic import Field, TypeAdapter
 
 from .types import GeodeticPoint, Mission
 
-Fraction = Annotated[float, Ge(0.0), Le(1.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Triple = tuple[float, float, float]
 """x along the plane, y across it, z up."""
-
-_Value = TypeVar("_Value")
 
 
 def json_dict(value: Any) -> dict[str, Any]:
     """A value as a dict for JSON; several times as fast as dataclasses.asdict."""
-    shown: dict[str, Any] = to_jsonable_python(value)
+    kind: Any = type(value)
+    shown: dict[str, Any] = _adapter(kind).dump_python(value)
     return shown
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ByRisk(Generic[_Value]):
-    """A value for each risk index."""
-
-    wind: _Value
-    communication: _Value
-    localization: _Value
-    battery: _Value
+@functools.cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,8 +123,8 @@ class PathSection:
     left_s: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InputEntry:
+@dataclass(slots=True, kw_only=True)  # not frozen: hundreds are made a second
+class Input:
     """Input of a risk index. reading: its value as text. risk: null where it has none now."""
 
     name: str
@@ -139,6 +133,12 @@ class InputEntry:
     reading: str
     age_s: float | None
     risk: float | None
+
+
+@dataclass(slots=True, kw_only=True)
+class InputEntry(Input):
+    """An input, and whether it counts now."""
+
     known: bool
 
 
@@ -164,6 +164,26 @@ class IndexEntry(Index):
     """A risk index with all its inputs."""
 
     inputs: tuple[InputEntry, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Indices:
+    """The four risk indices of the planner."""
+
+    wind: Index
+    communication: Index
+    localization: Index
+    battery: Index
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RiskSection:
+    """Risk indices with their explanations and all their inputs."""
+
+    wind: IndexEntry
+    communication: IndexEntry
+    localization: IndexEntry
+    battery: IndexEntry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,13 +239,23 @@ class AdaptationEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WeightChanges:
+    """Change of each weight by each risk index."""
+
+    wind: ByWeight
+    communication: ByWeight
+    localization: ByWeight
+    battery: ByWeight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WeightsSection:
     """Weights before and after their adaptation. by_risk: change of each weight by each index."""
 
     adaptation: AdaptationEntry
     base: ByWeight
     adjusted: ByWeight
-    by_risk: ByRisk[ByWeight]
+    by_risk: WeightChanges
     words: str
 
 
@@ -345,7 +375,7 @@ class Status:
     mission: MissionSection
     aircraft: AircraftSection
     path: PathSection | None
-    risk: ByRisk[IndexEntry]
+    risk: RiskSection
     batteries: tuple[BatteryEntry, ...]
     energy: EnergySection | None
     weights: WeightsSection

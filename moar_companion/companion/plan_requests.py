@@ -31,7 +31,7 @@ _ANSWER_TIMEOUT_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanBasis:
-    """What a plan is made for, and what is asked again when it changes.
+    """Risks, limits and maps that a plan is made for; of most a change is a reason for the next.
 
     widening_m: inflation of obstacles. narrowed_m: part of the margin that an escape route may
     give up.

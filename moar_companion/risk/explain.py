@@ -18,10 +18,11 @@ from ..planner.adaptation import Adaptation
 from ..settings.vehicle import AdaptationKind
 from ..status_values import (
     AdaptationEntry,
-    ByRisk,
     ByWeight,
     IndexEntry,
     InputEntry,
+    RiskSection,
+    WeightChanges,
     WeightsSection,
 )
 from ..types import RiskIndices, Weights
@@ -56,7 +57,7 @@ def weights_section(adaptation: Adaptation, risk: RiskIndices) -> WeightsSection
         ),
         base=_by_weight(adaptation.base),
         adjusted=_by_weight(adjusted),
-        by_risk=ByRisk(**by_risk),
+        by_risk=WeightChanges(**by_risk),
         words=words,
     )
 
@@ -130,10 +131,10 @@ def index_entry(name: str, value: float, report: IndexReport) -> IndexEntry:
     )
 
 
-def risk_section(estimate: RiskEstimate) -> ByRisk[IndexEntry]:
+def risk_section(estimate: RiskEstimate) -> RiskSection:
     """All indices and their inputs for the status."""
     entries = {
         name: index_entry(name, value, getattr(estimate.report, name))
         for name, value in estimate.indices.as_dict().items()
     }
-    return ByRisk(**entries)
+    return RiskSection(**entries)

@@ -14,7 +14,7 @@ from pathlib import Path
 from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from moar_companion.planner.site import Obstacle, PlanePoint, Site
+from moar_companion.planner.site import Conductor, Obstacle, PlanePoint, Site
 from moar_companion.planner.site_frame import radii_of_curvature_m
 
 _LEG_TOLERANCE_M = 2.0
@@ -166,6 +166,6 @@ def _place(row: FlightTruth) -> PlanePoint:
 
 
 def _shape(obstacle: Obstacle) -> BaseGeometry:
-    outline = obstacle.outline_m
-    shape = Polygon(outline) if len(outline) > 2 else Point(outline)
-    return shape.buffer(obstacle.radius_m)
+    if isinstance(obstacle, Conductor):
+        return Point(obstacle.position_m).buffer(obstacle.radius_m)
+    return Polygon(obstacle.vertices_m)

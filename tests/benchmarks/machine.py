@@ -14,7 +14,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.estimation.pose_tracker import SiteMaps
@@ -28,6 +28,7 @@ from moar_companion.risk.power import PowerModel
 from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.link_config import LinkRole
 from moar_companion.settings.vehicle import Vehicle
+from moar_companion.status_values import json_dict
 from moar_companion.types import Mission
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import INSPECTION
@@ -78,9 +79,9 @@ def risk_update_us(*, explained: bool) -> Callable[[], float]:
                 tracking_error_m=0.3,
             )
             if explained:
-                asdict(risk_section(judged))
+                json_dict(risk_section(judged))
                 adaptation = Adaptation.of(VEHICLE, Mission.INSPECTION)
-                asdict(weights_section(adaptation, judged.indices))
+                json_dict(weights_section(adaptation, judged.indices))
         return 1e6 * (time.process_time() - began) / UPDATES
 
     return measure

@@ -113,7 +113,7 @@ def _content(packet: bytes) -> str:
 
 def _parted(value, words: list[str]):
     """A value without its free texts, which are added to words."""
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [_parted(item, words) for item in value]
     if not isinstance(value, dict):
         return value
@@ -127,6 +127,6 @@ def _shown(value, depth: int = 3):
         return round(value, 3) + 0.0
     if isinstance(value, dict):
         return {key: _shown(item, depth - 1) for key, item in value.items()} if depth else "{}"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return f"[{len(value)}]" if len(value) > 3 else [_shown(item, depth) for item in value]
     return value

@@ -85,6 +85,6 @@ def _updated(row: Row, name: str, content: Payload | Online, received_s: float |
     return replace(
         row,
         received_s=received_s if received_s is not None else row.received_s,
-        reported_s=max(row.reported_s or 0.0, content.time_s),
+        reported_s=max(filter(None, (row.reported_s, content.time_s)), default=None),
         payloads={**row.payloads, name: content},
     )

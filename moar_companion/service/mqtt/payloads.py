@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -19,17 +20,17 @@ from pydantic.dataclasses import dataclass
 from ...status_values import (
     AutopilotSection,
     BatteryEntry,
-    ByRisk,
     ByWeight,
     CostEntry,
     EnergySection,
     HostSection,
-    Index,
-    InputEntry,
+    Indices,
+    Input,
     LinkSection,
     SupervisionSection,
     Triple,
     WaypointEntry,
+    WeightChanges,
 )
 
 _DECIMALS, _DEGREE_DECIMALS = 4, 7
@@ -44,7 +45,8 @@ def payload_of(kind: type[Payload], content: Mapping[str, Any]) -> Payload:
 
     Raises ValidationError where the content does not fit.
     """
-    return TypeAdapter(kind).validate_python(_rounded(content))
+    known = {item.name: content[item.name] for item in fields(kind) if item.name in content}
+    return TypeAdapter(kind).validate_python(_rounded(known))
 
 
 def read(kind: type[_Read], data: bytes) -> _Read:
@@ -115,14 +117,14 @@ class Conditions(SupervisionSection, Payload):
 class Risk(Payload):
     """Risk indices with their explanations."""
 
-    risk: ByRisk[Index]
+    risk: Indices
 
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)
 class RiskInputs(Payload):
     """Received inputs of the risk indices, by index."""
 
-    inputs: dict[str, list[InputEntry]]
+    inputs: dict[str, list[Input]]
 
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)
@@ -131,7 +133,7 @@ class WeightsPayload(Payload):
 
     base: ByWeight
     adjusted: ByWeight
-    by_risk: ByRisk[ByWeight]
+    by_risk: WeightChanges
     words: str
 
 
@@ -152,7 +154,7 @@ class PlanPayload(Payload):
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)
 class Position(Payload):
-    """Position and motion.
+    """Position, geodetic and on the site, and motion.
 
     position_m, velocity_mps: in the site's frame. clearance_m: from the hull to the nearest
     obstacle. error_m: from the setpoint; left_m, left_s: of the path that is flown.

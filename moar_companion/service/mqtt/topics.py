@@ -74,7 +74,8 @@ def _conditions(status: Status) -> Mapping[str, Any]:
 
 
 def _risk(status: Status) -> Mapping[str, Any]:
-    return {"risk": status["risk"]}
+    indices = status["risk"].items()
+    return {"risk": {name: {**index, "inputs": ()} for name, index in indices}}
 
 
 def _risk_inputs(status: Status) -> Mapping[str, Any]:

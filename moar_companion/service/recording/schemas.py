@@ -49,8 +49,6 @@ def shape_of(hint: Any) -> Shape:
         return shape_of(arguments[0])
     if origin is tuple:
         return [shape_of(arguments[0])]
-    if origin is not None and dataclasses.is_dataclass(origin):  # of values of one kind
-        return {item.name: shape_of(arguments[0]) for item in dataclasses.fields(origin)}
     if dataclasses.is_dataclass(hint):
         return {name: shape_of(kind) for name, kind in typing.get_type_hints(hint).items()}
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
@@ -60,7 +58,7 @@ def shape_of(hint: Any) -> Shape:
 
 def _about(kind: Any) -> str:
     """First paragraph of a section's description."""
-    kinds = (kind, typing.get_origin(kind), *typing.get_args(kind))
+    kinds = (kind, *typing.get_args(kind))
     described = next((item for item in kinds if dataclasses.is_dataclass(item)), None)
     about = "Numbers by name." if described is None else described.__doc__ or ""
     return " ".join(about.partition("\n\n")[0].split())
