@@ -336,6 +336,21 @@ class SeenEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LineEntry:
+    """Place of the line by its wires. offset_m: (x, z), to be added to the autopilot's estimate.
+
+    applied_m: the part of it with which the aircraft is flown. covariance_m2: of x, of x with z, of
+    z. wires: number that the last matching scan had, age_s ago.
+    """
+
+    offset_m: tuple[float, float]
+    applied_m: tuple[float, float]
+    covariance_m2: tuple[float, float, float] | None
+    wires: int
+    age_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PerceptionSection:
     """The sensor. returns: share of the beams with an echo. refused: number of packets.
 
@@ -350,6 +365,7 @@ class PerceptionSection:
     late: int
     conductors: tuple[SeenEntry, ...]
     solids: int
+    line: LineEntry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -260,6 +260,7 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     yield "radio", Text(_radio(status["radio"]))
     if status.get("perception"):
         yield "seen", _perception(status["perception"])
+        yield "line", _line(status["perception"]["line"])
     shown = ages if full else {name: ages[name] for name in _VITAL}
     received_ago = [_age(name, age_s) for name, age_s in shown.items()]
     yield "data age, s", Columns(received_ago) if full else Text("  ").join(received_ago)
@@ -311,6 +312,17 @@ def _perception(seen: Status) -> Text:
         return words.append("no scan yet", "magenta")
     words.append(f"scan {_duration(age_s)} ago, {seen['returns']:.0%} of beams")
     return words.append(f"; {seen['refused']} packets refused, {seen['late']} scans late", "dim")
+
+
+def _line(line: Status) -> Text:
+    """Where the line shows that the aircraft is, beside the autopilot's estimate."""
+    if line["age_s"] is None:
+        return Text("not known by its wires", style="dim")
+    x_m, z_m = line["offset_m"]
+    x_m2, _, z_m2 = line["covariance_m2"]
+    words = Text(f"off {x_m:+.2f} m, up {z_m:+.2f} m; ")
+    words.append(f"known to {max(x_m2, z_m2) ** 0.5:.2f} m")
+    return words.append(f" by {line['wires']} wires, {_duration(line['age_s'])} ago", "dim")
 
 
 def _radio(radio: Status | None) -> str:

@@ -116,6 +116,7 @@ def check_inputs(state: CycleState, now_s: float) -> CheckInputs:
         room_m=room_m,
         widening_m=widening_m(risk, state.margin),
         uncertainty_soon_m=state.risk_monitor.uncertainty_m(AHEAD_S),
+        line=state.seen_obstacles.line,
         error_hits=None if pose is None else _error_hits(state, pose),
         in_control=begins or state.status.state in IN_CONTROL,
         escaping=escapes(state.status),

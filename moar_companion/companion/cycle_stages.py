@@ -62,7 +62,7 @@ def run(state: CycleState, now_s: float) -> None:
     step_s = 0.0 if state.cycle_s is None else min(_LONGEST_STEP_S, now_s - state.cycle_s)
     if state.cycle_s is None:
         state.orders.await_autopilot(now_s)
-    _observe(state, now_s)
+    _observe(state, now_s, step_s)
     if state.is_last_cycle:
         state.is_last_cycle = False
         _rule(state, now_s)
@@ -98,7 +98,7 @@ def take_ground(state: CycleState, site_maps: SiteMaps) -> None:
         state.status = state_machine.restarted(before.rest(site_maps.site))
 
 
-def _observe(state: CycleState, now_s: float) -> None:
+def _observe(state: CycleState, now_s: float, step_s: float) -> None:
     """Takes telemetry and events.
 
     Orders wait for `_transition`, until the checks that end our control have run.
@@ -107,6 +107,8 @@ def _observe(state: CycleState, now_s: float) -> None:
     state.faults.note_pause(paused_s, state.config.supervision.position_timeout_s)
     jump = state.pose_tracker.update(state.telemetry)
     state.seen_obstacles.note_pose(state.telemetry, state.pose_tracker, jump)
+    engaged = state.status.state in STREAMING or state.status.state is MissionState.PLANNING
+    state.pose_tracker.follow_line(state.seen_obstacles.line, step_s, at_once=not engaged)
     site_maps = state.seen_obstacles.taken(now_s)
     if site_maps is not None:
         _take_maps(state, site_maps, now_s)
@@ -115,7 +117,7 @@ def _observe(state: CycleState, now_s: float) -> None:
     for event in (*jumps, *state.session.events_received()):
         _take_event(state, event, now_s)
     routes = state.routes
-    routes.limits.learn(state.session, state.pose_tracker.home_m, routes.flight, now_s)
+    routes.limits.learn(state.session, state.pose_tracker, routes.flight, now_s)
 
 
 def _take_event(state: CycleState, event: Event | Jump, now_s: float) -> None:

@@ -18,9 +18,9 @@ from ..settings.config import CompanionConfig
 from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts
 from ..texts.text_format import plural
-from ..types import AutopilotKind, Vector
+from ..types import AutopilotKind
 from .estimation.pose import Pose
-from .estimation.pose_tracker import SiteMaps
+from .estimation.pose_tracker import PoseTracker, SiteMaps
 from .estimation.site_fence import SiteFence, fenced
 from .guidance.flight_volume import FlightVolume
 from .guidance.path_follower import PathFollower
@@ -98,25 +98,23 @@ class FlightLimits:
     def learn(
         self,
         session: Session,
-        home_m: Vector | None,
+        tracker: PoseTracker,
         flight: PathFollower | None,
         now_s: float,
     ) -> None:
-        """Takes the autopilot's parameters, fence and failsafes.
-
-        home_m: its home, (x, y, z) in the site's frame; None while unknown.
-        """
+        """Takes the autopilot's parameters, fence and failsafes, by its home on the site."""
+        home_m = tracker.home_m
         if session.autopilot is None:
             return
         kind, parameters = session.autopilot.kind, session.requests.parameters
         self._learn_unreported(kind, parameters, now_s)
         self.offboard_loss.learn(kind, parameters, home_m, flight, now_s)
-        self._learn_fence(session, home_m, flight)
+        self._learn_fence(session, tracker, flight)
         if self.watch.learn(kind, parameters, home_m, session.telemetry):
             self.offboard_loss.reconsider(flight)
 
     def _learn_fence(
-        self, session: Session, home_m: Vector | None, flight: PathFollower | None
+        self, session: Session, tracker: PoseTracker, flight: PathFollower | None
     ) -> None:
         """Takes the autopilot's fence. An uploaded one that it does not report counts as none."""
         assert session.autopilot is not None
@@ -129,8 +127,9 @@ class FlightLimits:
             session.autopilot.kind,
             requests.parameters,
             items,
-            home_m,
+            tracker.home_m,
             enabled=readiness is not None and readiness.fence_enabled,
+            offset_x_m=tracker.offset_m[0],
         )
         plane = self._fences.plane
         if self.site_maps is None or plane == before:

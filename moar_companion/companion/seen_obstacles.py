@@ -13,13 +13,17 @@ from dataclasses import replace
 
 from ..mavlink.session import Severity
 from ..mavlink.telemetry import Proximity, Telemetry
-from ..perception.perception_report import PerceptionReport, SeenConductor, SensorHealth
+from ..perception.perception_report import (
+    LineOffset,
+    PerceptionReport,
+    SeenConductor,
+    SensorHealth,
+)
 from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote
 from ..planner.site import Conductor, Obstacle, Site
 from ..settings.perception_config import Perception, Sensor
 from ..texts import pilot_texts
 from ..texts.text_format import coordinate, distance
-from ..types import Vector
 from .estimation.pose import Jump
 from .estimation.pose_tracker import PoseTracker, SiteMaps
 from .planning.map_jobs import MapAnswer, MapJob
@@ -68,8 +72,6 @@ class SeenObstacles:
         self._noted: tuple[float | None, float | None] = (None, None)
         """Boot times of the last position and attitude that were noted."""
         self._proximity: Proximity | None = None
-        self._jumped_m: Vector = (0.0, 0.0, 0.0)
-        """Sum of the jumps of the estimate."""
         self._reported_m: dict[tuple[str, str], float] = {}
         """Last reported distance, by names in the file and as seen; 0 for an unknown conductor."""
 
@@ -81,6 +83,11 @@ class SeenObstacles:
     def health(self) -> SensorHealth:
         """State of the sensor."""
         return SensorHealth() if self.report is None else self.report.health
+
+    @property
+    def line(self) -> LineOffset:
+        """Offset of the line's frame; unknown without a sensor."""
+        return LineOffset() if self.report is None else self.report.line
 
     def take(self, report: PerceptionReport) -> None:
         """Takes a report, for the next cycle."""
@@ -107,21 +114,19 @@ class SeenObstacles:
         if self.settings.sensor is None:
             return
         if jump is not None:
-            x_m, y_m, z_m = (sum(pair) for pair in zip(self._jumped_m, jump.step_m, strict=True))
-            self._jumped_m = x_m, y_m, z_m
-            self._before = tuple(
-                item.moved(jump.step_m[0], jump.step_m[2]) for item in self._before
-            )
+            right_m, _, up_m = jump.step_m
+            self._before = tuple(item.moved(right_m, up_m) for item in self._before)
         position, attitude = telemetry.local_position, telemetry.attitude
         position_boot_s, attitude_boot_s = self._noted
-        if tracker.pose is not None and position is not None and position.boot_s != position_boot_s:
+        estimate = tracker.estimate
+        if estimate is not None and position is not None and position.boot_s != position_boot_s:
             time_s = tracker.received_s(position.boot_s)
             if time_s is not None:
                 self._notes.append(
                     PositionNote(
                         time_s=time_s,
-                        position_m=tracker.pose.position_m,
-                        jumped_m=self._jumped_m,
+                        position_m=estimate.position_m,
+                        jumped_m=tracker.jumped_by_m,
                     )
                 )
             position_boot_s = position.boot_s

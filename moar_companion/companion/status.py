@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from ..mavlink.telemetry import LinkStatistics, Telemetry
-from ..perception.perception_report import PerceptionReport
 from ..risk.explain import risk_section, weights_section
 from ..status_values import (
     AircraftSection,
@@ -22,6 +21,7 @@ from ..status_values import (
     ConditionEntry,
     CostEntry,
     HostSection,
+    LineEntry,
     LinkSection,
     MissionSection,
     PathSection,
@@ -118,7 +118,7 @@ class LatestDecisions:
             refused=_refused(companion),
             radio=_radio(telemetry, now_s),
             age_s=_ages_s(telemetry, now_s),
-            perception=_perception(state.seen_obstacles.report, now_s),
+            perception=_perception(state, now_s),
             host=_host(state.host),
             recorder=None if recorder is None else str(recorder),
         )
@@ -263,10 +263,11 @@ def _batteries(telemetry: Telemetry, now_s: float) -> tuple[BatteryEntry, ...]:
     )
 
 
-def _perception(report: PerceptionReport | None, now_s: float) -> PerceptionSection | None:
+def _perception(state: CycleState, now_s: float) -> PerceptionSection | None:
+    report = state.seen_obstacles.report
     if report is None:
         return None
-    health = report.health
+    health, line = report.health, report.line
     return PerceptionSection(
         scan_age_s=None if health.scan_s is None else now_s - health.scan_s,
         returns=health.returns,
@@ -284,6 +285,13 @@ def _perception(report: PerceptionReport | None, now_s: float) -> PerceptionSect
             for seen in report.conductors
         ),
         solids=len(report.solids),
+        line=LineEntry(
+            offset_m=line.offset_m,
+            applied_m=state.pose_tracker.offset_m,
+            covariance_m2=None if line.seen_s is None else line.covariance_m2,
+            wires=line.wires,
+            age_s=None if line.seen_s is None else now_s - line.seen_s,
+        ),
     )
 
 

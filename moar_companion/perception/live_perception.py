@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from ..planner.site import Site
+from ..planner.site import PlanePoint, Site
 from ..settings.perception_config import Perception, Sensor, SensorMount
 from ..types import Vector
 from .conductor_tracks import ConductorTracks
 from .ground import ground_height_m
 from .lidar_scan import PacketFault, Scan
+from .line_offset import LineTracker
 from .occupancy import Occupancy
 from .ouster import OusterStream
 from .perception_report import PerceptionReport, SensorHealth
@@ -54,6 +56,10 @@ _GROUND_CLEAR_M = 0.7
 _GROUND_COLUMNS, _COLUMN_M = 8, 2.0
 """Least number of columns with lowest points that are ground; a beam in the air is shorter."""
 _RELEASED_M = 0.3
+_MOVED_M = 0.3
+"""Change of the offset from scan to scan that no drift explains: it has become known."""
+_OFTEN = 10
+"""Number of sightings after which the place of a wire is known to a few centimetres."""
 _AIRCRAFT = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
 _ACROSS = np.array([0.0, 1.0, 0.0])
 
@@ -93,6 +99,9 @@ class LivePerception:
         self._azimuth_deg = site.frame.azimuth_deg
         self._stream = packet_stream(settings, description)
         self._poses = PoseHistory()
+        self._line = LineTracker(item.position_m for item in site.conductors)
+        self._placed_m: PlanePoint = (0.0, 0.0)
+        """Offset with which tracks and cells are placed."""
         self._tracks = ConductorTracks()
         self._occupancy = Occupancy(site)
         self._random = np.random.default_rng(0)
@@ -131,10 +140,32 @@ class LivePerception:
         self._poses.note_attitude(time_s, attitude)
 
     def shift(self, step_m: Vector) -> None:
-        """Moves what was seen by a jump of the position estimate."""
+        """Takes a jump of the position estimate: what was seen keeps its distance.
+
+        In the line's frame, while its offset is known, nothing moves.
+        """
         self._poses.shift(step_m)
+        if self._line.is_known:
+            self._line.shift(step_m)
+            self._placed_m = (self._placed_m[0] - step_m[0], self._placed_m[1] - step_m[2])
+            step_m = (0.0, step_m[1], 0.0)
+        self._move(step_m)
+
+    def _move(self, step_m: Vector) -> None:
+        """Moves tracks and cells."""
         self._tracks.shift(step_m)
         self._occupancy.shift(step_m[0], step_m[2])
+
+    def _to_line(self) -> FloatArray:
+        """Step (3,) from places by the estimate to the line's frame.
+
+        Where the offset becomes known, or known anew, what was seen before moves with it.
+        """
+        (x_m, z_m), before_m = self._line.offset_m, self._placed_m
+        if math.dist((x_m, z_m), before_m) > _MOVED_M:
+            self._move((x_m - before_m[0], 0.0, z_m - before_m[1]))
+        self._placed_m = x_m, z_m
+        return np.array([x_m, 0.0, z_m])
 
     def receive(self, packet: bytes, now_s: float) -> None:
         """Takes a data packet of the sensor."""
@@ -188,6 +219,7 @@ class LivePerception:
             ),
             conductors=self._tracks.conductors,
             solids=self._occupancy.polygons,
+            line=self._line.report(now_s, self._jumped_m or (0.0, 0.0, 0.0)),
         )
 
     def _refusal(self, now_s: float) -> PacketFault | None:
@@ -223,9 +255,13 @@ class LivePerception:
         near = outside & (distance < _REACH_M)
         self._scan_s = time_s
         self._returns = min(float(outside.sum()) / max(scan.beams, 1), 1.0)
-        rays = PlaneRays.of(points, sensor, _SCAN_SECTORS)
         echoes, ring = narrow_echoes(points, sensors, scan.ring, scan.time_s)
         found = sightings(echoes, ring, sensor, _ACROSS, self._random)
+        self._line.step(found, sensor, time_s)
+        step = self._to_line()
+        points = points + step
+        found = [replace(each, point_m=each.point_m + step) for each in found]
+        rays = PlaneRays.of(points, sensor + step, _SCAN_SECTORS)
         known = {conductor.name for conductor in self._tracks.conductors}
         self._tracks.step(found, time_s, rays, scan.ring)
         new = [each.position_m for each in self._tracks.conductors if each.name not in known]
@@ -233,6 +269,9 @@ class LivePerception:
         self._occupancy.release(new, _RELEASED_M)
         solid = near & ~_ground(points, distance) & ~self._tracks.own(points, time_s)
         self._occupancy.add(rays, points, solid, time_s, beams=scan.beams, echoes=2)
+        often = [each for each in self._tracks.conductors if each.sightings >= _OFTEN]
+        if often:
+            self._line.learn((each.position_m for each in often), time_s)
         return True
 
     def _take_points(self, now_s: float) -> bool:
@@ -256,7 +295,7 @@ class LivePerception:
         placed = points_in_site(points_m, times_s, self._poses, _AIRCRAFT)
         if placed is None:
             return False
-        points, sensors = placed
+        points, sensors = (each + self._to_line() for each in placed)
         distance = np.sqrt(((points - sensors) ** 2).sum(axis=1))
         near = (distance > _HULL_M) & (distance < _REACH_M)
         solid = near & ~_ground(points, distance) & ~self._tracks.own(points, math.nan)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from ..planner.site import PlanePoint, Polygon
+from ..types import Vector
 from .lidar_scan import PacketFault
 
 
@@ -44,11 +46,29 @@ class SensorHealth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LineOffset:
+    """Offset of the line's frame: added to the autopilot's estimate it gives the place by the line.
+
+    covariance_m2: of x, of x with z, of z. jumped_m: sum of the estimate's jumps that it includes.
+    seen_s: time of the last scan whose wires gave it, None while nothing is known of it; wires:
+    their number. contradicted_s: time since which scans contradict it; None: they do not.
+    """
+
+    offset_m: PlanePoint = (0.0, 0.0)
+    covariance_m2: tuple[float, float, float] = (math.inf, 0.0, math.inf)
+    jumped_m: Vector = (0.0, 0.0, 0.0)
+    seen_s: float | None = None
+    wires: int = 0
+    contradicted_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PerceptionReport:
     """Present conductors and obstacles. time_s: of the report, on the companion's clock.
 
     began_s: time of the first report of the same process; a restarted process has lost earlier
-    tracks. solids: other obstacles in the plane without the ground and without keep-outs.
+    tracks. solids: other obstacles in the plane without the ground and without keep-outs. Places
+    are in the line's frame: the estimate's, to which line.offset_m is added.
     """
 
     time_s: float
@@ -56,3 +76,4 @@ class PerceptionReport:
     health: SensorHealth = SensorHealth()
     conductors: tuple[SeenConductor, ...] = ()
     solids: tuple[Polygon, ...] = ()
+    line: LineOffset = LineOffset()

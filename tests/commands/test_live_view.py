@@ -298,7 +298,14 @@ def test_a_row_of_the_page_shows_the_sensor_if_there_is_one():
         "late": 1,
         "conductors": [{}, {}],
         "solids": 4,
+        "line": {"offset_m": (0.412, -1.3), "covariance_m2": (0.0144, 0.0, 0.01), "wires": 5}
+        | {"age_s": 0.2},
     }
+    assert "off +0.41 m, up -1.30 m; known to 0.12 m by 5 wires, 0.2 s ago" in page(
+        FLYING | {"perception": seen}
+    )
+    unknown = seen | {"line": seen["line"] | {"age_s": None}}
+    assert "not known by its wires" in page(FLYING | {"perception": unknown})
     (row,) = (line for line in page(FLYING | {"perception": seen}).splitlines() if "seen" in line)
     assert "2 conductors, 4 other obstacles; scan 0.1 s ago, 46% of beams" in row
     assert not any(line.startswith("seen") for line in page(FLYING | {"perception": None}))

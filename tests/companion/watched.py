@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from moar_companion.perception.perception_report import (
+    LineOffset,
     PerceptionReport,
     SeenConductor,
     SensorHealth,
@@ -33,7 +34,7 @@ class Watched(Desk):
         usual = usual_planner()
         # Seen obstacles must not change the maps of other tests.
         super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
-        self.conductors, self.solids = (), ()
+        self.conductors, self.solids, self.line = (), (), LineOffset()
         self.works = self.scans = True
         self.began_s = 0.0
         self.notes = []
@@ -51,6 +52,7 @@ class Watched(Desk):
                     ),
                     conductors=self.conductors,
                     solids=self.solids,
+                    line=self.line,
                 )
             )
         super().step(seconds)

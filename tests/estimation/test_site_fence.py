@@ -96,6 +96,15 @@ def test_all_inclusions_count_and_with_a_union_one_is_enough():
     assert [one[at[x]] for x in (0.0, 9.0, 18.0, 40.0)] == [True, True, True, False]
 
 
+def test_an_uploaded_area_moves_with_the_lines_frame():
+    """The autopilot keeps its areas by its own estimate, which the line shows to be 2 m off."""
+    fence = Fence(areas=(area([(10.0, 0.0)], radius_m=20.0),))
+    plane = plane_fence(fence, FRAME, None, 0.0)
+    moved = plane_fence(fence, FRAME, None, 0.0, offset_x_m=2.0)
+    (low_m, high_m), (moved_low_m, moved_high_m) = plane.bounds[0].x_m[0], moved.bounds[0].x_m[0]
+    assert (moved_low_m - low_m, moved_high_m - high_m) == pytest.approx((2.0, 2.0))
+
+
 def test_limits_around_home_move_with_home():
     fence = Fence(
         circle=Limit(parameter="GF_MAX_HOR_DIST", value_m=10.0),

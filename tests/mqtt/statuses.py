@@ -6,7 +6,7 @@ import functools
 
 from moar_companion.companion.status import LatestDecisions
 
-from ..companion.desk import Desk
+from ..companion.watched import Watched, conductor
 
 
 def status_of(desk):
@@ -17,5 +17,7 @@ def status_of(desk):
 
 @functools.cache
 def flying():
-    """A desk in flight; not to be changed."""
-    return Desk().come_to("flying", then_s=1.0)
+    """A desk in flight, with a sensor; not to be changed."""
+    desk = Watched()
+    desk.conductors = (conductor(40.0, 18.0),)
+    return desk.fly(1.0)

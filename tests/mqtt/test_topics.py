@@ -33,9 +33,9 @@ def published(status, publication=None, now_s=0.0):
     return {message.topic.removeprefix("moar/a1/"): message for message in messages}
 
 
-def test_before_the_first_packet_every_payload_but_the_plan_marks_unknown_values():
+def test_before_the_first_packet_every_payload_but_plan_and_perception_marks_unknown_values():
     reported = published(status_of(Desk()))
-    assert set(reported) == {topic.name for topic in TOPICS} - {"plan"}
+    assert set(reported) == {topic.name for topic in TOPICS} - {"plan", "perception"}
     assert strict(reported["battery"].payload)["remaining"] is None
     assert strict(reported["position"].payload)["latitude_deg"] is None
     risks = strict(reported["risk"].payload)["risk"]
@@ -47,7 +47,7 @@ def test_in_flight_the_payloads_have_the_values_of_the_status():
     reported = {name: strict(item.payload) for name, item in published(status).items()}
     assert set(reported) == {topic.name for topic in TOPICS}
     assert reported["mission"]["state"] == "flying"
-    assert reported["mission"]["target"] == flying().site.targets[0].name
+    assert reported["mission"]["target"] == flying().site.targets[1].name
     assert reported["mission"]["since_s"] == pytest.approx(
         status["time_s"] - status["mission"]["for_s"], abs=0.06
     )

@@ -11,6 +11,7 @@ import pytest
 from moar_companion.companion.safety.check_inputs import Unmeasured
 from moar_companion.companion.safety.position_checks import widening_m
 from moar_companion.mavlink.telemetry import Landed, LandedState, PeerHeartbeat
+from moar_companion.perception.perception_report import LineOffset
 from moar_companion.planner.site import Margin
 from moar_companion.risk.wind import USUAL_DRAG
 from moar_companion.types import Mission
@@ -30,6 +31,12 @@ from .seen import (
     with_telemetry,
 )
 
+
+def by_line(**changes):
+    """In flight with a place by the line."""
+    return replace(IN_FLIGHT, line=LineOffset(**{"seen_s": NOW_S - 0.1, "wires": 4} | changes))
+
+
 STORIES = [
     ("jumps of 3 m", replace(IN_FLIGHT, jumped_m=3.0), {}),
     ("an origin that moved less", replace(IN_FLIGHT, origin_moved_m=0.9, origin_margin_m=0.9), {}),
@@ -38,6 +45,19 @@ STORIES = [
         replace(IN_FLIGHT, origin_moved_m=1.2, origin_margin_m=0.93),
         {"origin_moved": "the origin moved 1.2 m > 0.9"},
     ),
+    ("a line 6 m off", by_line(offset_m=(3.6, -4.8)), {}),
+    (
+        "a line farther off than any drift",
+        by_line(offset_m=(-4.4, 4.5)),
+        {"line": "line off by 6.3 m > 6"},
+    ),
+    ("wires that fit nowhere for a moment", by_line(contradicted_s=NOW_S - 2.0), {}),
+    (
+        "wires that fit nowhere",
+        by_line(contradicted_s=NOW_S - 2.1),
+        {"line": "wires off the line for 2.1 s > 2"},
+    ),
+    ("a line of which nothing is known", by_line(offset_m=(9.0, 0.0), seen_s=None), {}),
     ("local and global position as apart as they are", replace(IN_FLIGHT, global_off_m=0.5), {}),
     (
         "local and global position apart",

@@ -49,6 +49,13 @@ class PlaneToLocal:
         matrix = np.column_stack(columns)
         return cls(matrix=matrix, inverse=np.linalg.inv(matrix), offset_ned_m=offset)
 
+    def moved(self, x_m: float, z_m: float) -> PlaneToLocal:
+        """The map for a site's frame that is moved: places of the same point have this added."""
+        step = self.matrix @ np.array([x_m, 0.0, z_m])
+        return PlaneToLocal(
+            matrix=self.matrix, inverse=self.inverse, offset_ned_m=self.offset_ned_m - step
+        )
+
     def position_to_ned(self, position_m: Vector) -> Vector:
         """Local NED of a point of the site's frame."""
         return _vector(self.matrix @ np.asarray(position_m) + self.offset_ned_m)

@@ -1,4 +1,8 @@
-"""Pose tracker: pose of the aircraft and jumps of its estimate; telemetry in, values out."""
+"""Pose tracker: pose of the aircraft and jumps of its estimate; telemetry in, values out.
+
+With a lidar the pose is in the line's frame: to the autopilot's estimate the offset is added that
+the wires show (`perception/line_offset`). What is sent to the autopilot has it taken off again.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,10 @@ import numpy as np
 
 from ...mavlink.autopilots import profile
 from ...mavlink.telemetry import Attitude, GlobalPosition, Home, LandedState, LocalOrigin, Telemetry
+from ...perception.perception_report import LineOffset
 from ...planner.maps import Maps
 from ...planner.regions import obstacle_clearance_m, obstacle_room_m
-from ...planner.site import Site
+from ...planner.site import PlanePoint, Site
 from ...types import UNKNOWN, AutopilotKind, GeodeticPoint, Vector
 from .plane_to_local import PlaneToLocal
 from .pose import Jump, Pose
@@ -114,6 +119,8 @@ autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's 
 0.43."""
 _TURN_WITHIN_S = 0.2
 """ATTITUDE comes at 20 Hz or more, on a slow link at 10: over longer times rates are too coarse."""
+_FOLLOWS_MPS = 0.3
+"""Greatest speed of the offset in flight: that of a drift. Setpoints move with it."""
 _WINDOW_S = 5.0
 """Length of a window; the latest two count. PX4's simulator clock is 1 % slow: 0.1 s in both."""
 _MOST_JUMPS = 100
@@ -150,7 +157,8 @@ class PoseTracker:
     """Reads telemetry for a companion on a site.
 
     kind: the autopilot whose projection its local frame has; None: taken from its heartbeat.
-    Keeps the map between the two frames, and the time when the position last advanced.
+    Keeps the map between the two frames, and the time when the position last advanced. Jumps,
+    origin and times are those of the estimate; what is offered is in the line's frame.
     """
 
     def __init__(self, site: Site | None, kind: AutopilotKind | None) -> None:
@@ -174,6 +182,14 @@ class PoseTracker:
         self._window_s = -math.inf
         """Start of the present window."""
         self._jumps: deque[tuple[float, float]] = deque(maxlen=_MOST_JUMPS)
+        self.jumped_by_m: Vector = (0.0, 0.0, 0.0)
+        """Sum of the estimate's jumps."""
+        self.offset_m: PlanePoint = (0.0, 0.0)
+        """Offset (x, z) of the line's frame that is added to the estimate."""
+        self._by_line = False
+        """True while the line shows where the aircraft is, whatever the estimate does."""
+        self._shown: tuple[PlaneToLocal | None, Pose | None, Vector | None] = (None, None, None)
+        """Map, pose and home in the line's frame."""
         self._reset_counter: int | None = None
         self._reset_s = -math.inf
         self._step: tuple[float, Vector] | None = None
@@ -182,21 +198,60 @@ class PoseTracker:
     def take_site(self, site: Site) -> None:
         """Takes the site; the next update gives the pose on it, also by the same telemetry."""
         self._site, self._plane, self._pose, self._telemetry = site, None, None, None
+        self._show()
 
     @property
     def plane(self) -> PlaneToLocal | None:
         """Map from the site's frame to the autopilot's."""
-        return self._plane
+        return self._shown[0]
 
     @property
     def pose(self) -> Pose | None:
         """Pose of the aircraft in the site's frame; None while that is unknown."""
-        return self._pose
+        return self._shown[1]
 
     @property
     def home_m(self) -> Vector | None:
         """Home of the autopilot in the site's frame; None while that is unknown."""
-        return self._home_m
+        return self._shown[2]
+
+    @property
+    def estimate(self) -> Pose | None:
+        """Pose by the autopilot alone, in the site's frame as surveyed."""
+        return self._pose
+
+    def follow_line(self, line: LineOffset, step_s: float, *, at_once: bool) -> None:
+        """Moves the offset to where the line shows it: in flight slowly, at once otherwise.
+
+        While nothing is known of it the last one stays.
+        """
+        self._by_line = line.seen_s is not None
+        if not self._by_line:
+            return
+        missed = _difference(self.jumped_by_m, line.jumped_m)
+        away_m = (
+            line.offset_m[0] - missed[0] - self.offset_m[0],
+            line.offset_m[1] - missed[2] - self.offset_m[1],
+        )
+        length_m = math.hypot(*away_m)
+        if not length_m:
+            return
+        share = 1.0 if at_once else min(1.0, _FOLLOWS_MPS * step_s / length_m)
+        self._move_offset(share * away_m[0], share * away_m[1])
+        self._show()
+
+    def _move_offset(self, x_m: float, z_m: float) -> None:
+        self.offset_m = self.offset_m[0] + x_m, self.offset_m[1] + z_m
+
+    def _show(self) -> None:
+        """Makes map, pose and home in the line's frame."""
+        (x_m, z_m), plane, pose, home_m = self.offset_m, self._plane, self._pose, self._home_m
+        if x_m or z_m:
+            step_m = (x_m, 0.0, z_m)
+            plane = None if plane is None else plane.moved(x_m, z_m)
+            pose = None if pose is None else replace(pose, position_m=_sum(pose.position_m, step_m))
+            home_m = None if home_m is None else _sum(home_m, step_m)
+        self._shown = plane, pose, home_m
 
     def update(self, telemetry: Telemetry) -> Jump | None:
         """Takes new telemetry. Returns the jump of position and heading, if there was one."""
@@ -210,9 +265,17 @@ class PoseTracker:
             self.agreement.update(telemetry, kind, grounded=grounded(telemetry))
         origin_step_m = self._update_origin(telemetry)
         step_m = self._update_position(telemetry, origin_step_m)
-        if step_m is None and not any(origin_step_m) and not turn_rad:
+        own_m = (0.0, 0.0, 0.0) if step_m is None else step_m
+        whole_m = _sum(origin_step_m, own_m)
+        self.jumped_by_m = _sum(self.jumped_by_m, whole_m)
+        if self._by_line and any(whole_m):
+            # The line stays where it is: the estimate moves in it, and what is sent with it.
+            self._move_offset(-whole_m[0], -whole_m[2])
+            whole_m = (0.0, whole_m[1], 0.0)
+            origin_step_m = (-own_m[0], origin_step_m[1], -own_m[2])
+        self._show()
+        if not any(whole_m) and not any(origin_step_m) and not turn_rad:
             return None
-        whole_m = origin_step_m if step_m is None else _sum(origin_step_m, step_m)
         return Jump(step_m=whole_m, origin_step_m=origin_step_m, turn_rad=turn_rad)
 
     def _update_origin(self, telemetry: Telemetry) -> Vector:
@@ -226,7 +289,7 @@ class PoseTracker:
         old_m = self._pose.position_m
         new_m = self._plane.position_from_ned(before.position_to_ned(old_m))
         step_m = _difference(new_m, old_m)
-        self._jumps.append((origin.received_s, math.hypot(*step_m)))
+        self._note_jump(origin.received_s, step_m)
         return step_m
 
     def _update_position(self, telemetry: Telemetry, origin_step_m: Vector) -> Vector | None:
@@ -304,8 +367,13 @@ class PoseTracker:
         if length_m <= _JUMP_M and abs(step_s - self._reset_s) > _RESET_WITHIN_S:
             return None
         self._step = None
-        self._jumps.append((step_s, length_m))
+        self._note_jump(step_s, step_m)
         return step_m
+
+    def _note_jump(self, time_s: float, step_m: Vector) -> None:
+        """Notes a jump of which the line does not show how far it is wrong."""
+        if not self._by_line:
+            self._jumps.append((time_s, math.hypot(*step_m)))
 
     def _plane_to_local(self, telemetry: Telemetry) -> PlaneToLocal | None:
         """Returns the map; makes a new one when the estimator's origin moves."""

@@ -30,6 +30,8 @@ _NO_HOME = "fence about home, home unknown"
 _HOME_MOVES_M = 0.1
 """A smaller move of home, as of its estimate, is covered by the fence's margin. One metre, the
 tolerance for a return route, would be most of that margin."""
+_OFFSET_STEP_M = 0.1
+"""Step of the line's offset: a smaller change makes no other fence."""
 _Intervals = tuple[Interval, ...]
 _Place = tuple[float, float]
 _EVERYWHERE: _Intervals = ((-math.inf, math.inf),)
@@ -64,18 +66,22 @@ class SiteFence:
         home_m: Vector | None,
         *,
         enabled: bool = False,
+        offset_x_m: float = 0.0,
     ) -> None:
         """Takes the reported fence. items: None while the uploaded fence is still requested.
 
         enabled: SYS_STATUS reports a fence. home_m: (x, y, z) in the site's frame; None where
-        unknown.
+        unknown. offset_x_m: of the line's frame, in which the plane is: the autopilot keeps its
+        fence by its own estimate.
         """
+        offset_x_m = round(offset_x_m / _OFFSET_STEP_M) * _OFFSET_STEP_M
         if self._site is None or items is None:
             return
         reported = (
             kind,
             items,
             enabled,
+            offset_x_m,
             *(parameters.get(name, "") for name in profile(kind).fence_parameters),
         )
         before, self._reported = self._reported, reported
@@ -90,16 +96,21 @@ class SiteFence:
                 self.not_ready_reason = _NO_HOME
             return
         self.not_ready_reason, self._placed = None, fence
-        self.plane = plane_fence(fence, self._site.frame, home_m, self._margin_m)
+        frame, margin_m = self._site.frame, self._margin_m
+        self.plane = plane_fence(fence, frame, home_m, margin_m, offset_x_m)
 
 
 def plane_fence(
-    fence: Fence, frame: SiteFrame, home_m: Vector | None, margin_m: float
+    fence: Fence,
+    frame: SiteFrame,
+    home_m: Vector | None,
+    margin_m: float,
+    offset_x_m: float = 0.0,
 ) -> PlaneFence | None:
     """A fence in the plane of a site; None where the fence has no limits.
 
     home_m: required for limits about home. margin_m: minimum distance from the fence; a greater
-    margin of the autopilot replaces it.
+    margin of the autopilot replaces it. offset_x_m: added to the places of areas.
     """
     margin_m = max(margin_m, fence.margin_m)
     bounds: list[Bound] = []
@@ -107,7 +118,8 @@ def plane_fence(
         bounds += _about_home(fence, home_m, margin_m)
     together: _Intervals = ()
     for area in fence.areas:
-        x_m = _area_intervals(area, frame, margin_m)
+        intervals = _area_intervals(area, frame, margin_m)
+        x_m = tuple((low + offset_x_m, high + offset_x_m) for low, high in intervals)
         if fence.union and area.inclusion:
             together = _united(together, x_m)
         else:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from ...mavlink.telemetry import Telemetry
-from ...perception.perception_report import SensorHealth
+from ...perception.perception_report import LineOffset, SensorHealth
 from ...risk import RiskEstimate
 from ...settings.perception_config import Perception
 from ...types import AutopilotKind, Mission
@@ -85,6 +85,7 @@ class CheckInputs:
     room_m: from the hull to the nearest keep-out. widening_m: required inflation of keep-outs.
     uncertainty_soon_m: the position's uncertainty, as it will be within seconds at its growth.
     error_hits: name of the obstacle that this reaches, here or where the flight would stop.
+    line: the place by the line's wires.
     azimuth_rad: of +x, from north. misread: text for a wrong number of cells in the vehicle file.
     plan_awaited_s: wait for a new inspection plan. fence_silent: the autopilot does not report its
     uploaded fence. parameters_unknown: never reported, and without a most cautious value.
@@ -107,6 +108,7 @@ class CheckInputs:
     widening_m: float = 0.0
     uncertainty_soon_m: float | None = None
     error_hits: str | None = None
+    line: LineOffset = field(default_factory=LineOffset)
     azimuth_rad: float | None = None
     misread: str | None = None
     in_control: bool = False

@@ -583,6 +583,19 @@ CONDITIONS = (
         ),
     ),
     Condition(
+        name="line",
+        starts="the line is more than 6 m from its place by the autopilot, or for 2 s no wire that "
+        "the sensor measures is where the others show the line",
+        cause=lambda look: position_checks.line(look.seen, look.now_s),
+        action=Action.HOLD,
+        over_s=2.0,
+        override=Override.SAFER,
+        texts=(
+            "line off by {6.3|99999} m > 6",
+            "wires off the line for {2.1|999} s > 2",
+        ),
+    ),
+    Condition(
         name="obstacle",
         starts="the hull is nearer to an obstacle than its keep-out and the uncertainty allow",
         cause=lambda look: position_checks.obstacle(look.seen),

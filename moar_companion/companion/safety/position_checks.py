@@ -26,6 +26,10 @@ from .uncertainty_growth import AHEAD_S
 
 _READ_LATE_S = 0.2
 """Wait for reading above which late data is caused by the companion, not by the network."""
+_LINE_OFF_M = 6.0
+"""Greatest offset of the line: PX4's estimates were off by up to 1.7 m, a GPS that was pushed by
+4.5 m. Beyond it the wrong wires may have been matched."""
+_LINE_FITS_S = 2.0
 ATTITUDE_TIMEOUT_S = 1.0
 """ATTITUDE comes at 100 Hz, at 10 Hz on a slow link."""
 _HOVER_MPS = 1.0
@@ -71,6 +75,17 @@ def position_disagreement(seen: CheckInputs) -> str | None:
     """Text for two reports of one place that differ."""
     return exceeds("global position off", seen.global_off_m, _OFF_M, "m") or exceeds(
         "home position off", seen.home_off_m, _OFF_M, "m"
+    )
+
+
+def line(seen: CheckInputs, now_s: float) -> str | None:
+    """Text for a line that is too far from its place by the autopilot, or that fits nowhere."""
+    if seen.line.seen_s is None:
+        return None
+    since_s = seen.line.contradicted_s
+    off = exceeds("line off by", math.hypot(*seen.line.offset_m), _LINE_OFF_M, "m")
+    return off or exceeds(
+        "wires off the line for", 0.0 if since_s is None else now_s - since_s, _LINE_FITS_S, "s"
     )
 
 

@@ -26,6 +26,7 @@ from ...status_values import (
     HostSection,
     Indices,
     Input,
+    LineEntry,
     LinkSection,
     SupervisionSection,
     Triple,
@@ -189,6 +190,20 @@ class Energy(EnergySection, Payload):
     factor: measured power over the vehicle file's; source: its origin. better: escape route that
     leaves more.
     """
+
+
+@dataclass(frozen=True, kw_only=True, config=_CONFIG)
+class PerceptionPayload(Payload):
+    """Obstacles that the sensor measures, and the place by the line.
+
+    conductors, solids: numbers of them. returns: share of the beams with an echo.
+    """
+
+    scan_age_s: float | None
+    returns: float
+    conductors: int
+    solids: int
+    line: LineEntry
 
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)

@@ -115,6 +115,11 @@ def _energy(status: Status) -> Mapping[str, Any] | None:
     return energy
 
 
+def _perception(status: Status) -> Mapping[str, Any] | None:
+    seen = status["perception"]
+    return None if seen is None else {**seen, "conductors": len(seen["conductors"])}
+
+
 def _health(status: Status) -> Mapping[str, Any]:
     return status
 
@@ -131,6 +136,7 @@ TOPICS = tuple(
         ("weights", payloads.WeightsPayload, _weights, 1.0, 0, True),
         ("battery", payloads.BatteryPayload, _battery, 2.0, 0, True),
         ("energy", payloads.Energy, _energy, 2.0, 0, True),
+        ("perception", payloads.PerceptionPayload, _perception, 2.0, 0, True),
         ("health", payloads.Health, _health, 2.0, 0, False),
     )
 )

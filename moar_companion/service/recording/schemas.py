@@ -152,7 +152,7 @@ _FOXGLOVE: dict[str, Shape] = {
 }
 
 _SOURCES = [*(item.name for item in dataclasses.fields(Telemetry)), "battery"]
-_WITHOUT = {"time_s", "batteries", "perception", "host", "recorder"}
+_WITHOUT = {"time_s", "batteries", "host", "recorder"}
 """Values of the status without a channel: others have them, or no panel plots them."""
 _SECTIONS = typing.get_type_hints(Status)
 STATUS: dict[str, Shape] = {

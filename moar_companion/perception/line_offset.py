@@ -1,0 +1,253 @@
+"""Offset between the autopilot's estimate and the line, by the wires that a scan sees.
+
+In: sightings of single scans, placed by the autopilot's estimate; the wires of the site file, or
+without any those that were seen first. Out: `LineOffset`, which added to the estimate gives the
+place in the line's frame.
+
+State of a Kalman filter: the offset (x, z) in the plane, and the error of the attitude about the
+line, which turns everything that is seen about the sensor. Model: the estimate drifts by at most
+0.3 m/s; its jumps are known (`shift`).
+
+Which sighting is of which wire is decided for a whole scan: the hypothesis with the most pairs that
+are jointly compatible (Neira, Tardos: "Data Association in Stochastic Mapping Using the Joint
+Compatibility Test", IEEE Trans. Robotics and Automation 17, 2001), by branch and bound. Ghosts,
+wires that the site lacks, and one that hangs elsewhere have no pair. Where another hypothesis with
+another offset has as many pairs and is not much less likely, the scan decides nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..planner.site import PlanePoint
+from ..types import Vector
+from .perception_report import LineOffset
+from .scan_conductors import ConductorSighting
+
+FloatArray = npt.NDArray[np.float64]
+
+_DRIFT_MPS = 0.3
+"""Greatest drift of the estimate. Of real ones: PX4 1 to 1.7 m in all, ArduPilot's pushed GPS."""
+_BEGIN_M = 1.5
+"""Standard deviation of the offset before a scan has shown it: the estimate's own error."""
+_TURN_RAD, _TURN_RAD_PER_S = 0.02, 0.01
+"""Standard deviation of the attitude's error, and of its change within a second."""
+_SIGHTING_M = 0.08
+"""Standard deviation of a sighting's place against the wire's: echoes, sag, survey."""
+_SURVEY_M = 0.05
+"""Error that all sightings share, and which no number of scans makes less."""
+_JUMP_M = 0.05
+"""Standard deviation of a known jump's length."""
+_PAIR, _PER_PAIR = 13.8, 9.2
+"""Greatest squared distances: of one pair (chi-square of two degrees, 0.999), and of all of them by
+pair (0.99)."""
+_CLEARER = 9.0
+"""Least difference of squared distances of two hypotheses of which the nearer one is taken: it is
+ninety times as likely."""
+_ANOTHER_M = 0.5
+"""Difference of the offsets of two hypotheses that mean different places."""
+_KNOWN_M = 0.6
+"""Standard deviation below which one pair is enough: no other wire hangs so near."""
+_LEAST_PAIRS = 2
+_MOST_SIGHTINGS = 8
+"""Sightings that are matched, the nearest ones: more decide nothing else."""
+_NEAR_M = 10.0
+"""Distance from which every wire is found (of 15 mm)."""
+_LOST_M = 3.0
+"""Standard deviation above which nothing is known of the offset any more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Hypothesis:
+    """Pairs of sightings and wires.
+
+    squared: joint Mahalanobis distance, squared; mean (3,), covariance (3, 3): state given these.
+    """
+
+    pairs: tuple[tuple[int, int], ...]
+    squared: float
+    mean: FloatArray
+    covariance: FloatArray
+
+
+class LineTracker:
+    """Tracks the offset. wires_m: places (x, z) of the site file's wires.
+
+    Without any the wires of this flight are learned, and the first ones define the line's frame.
+    """
+
+    def __init__(self, wires_m: Iterable[PlanePoint]) -> None:
+        self._wires_m = list(wires_m)
+        self._learns = not self._wires_m
+        self._mean = np.zeros(3)
+        self._covariance = _unknown()
+        self._seen_s: float | None = None
+        """Time of the last scan that was matched; None while nothing is known of the offset."""
+        self._matched = 0
+        self._contradicted_s: float | None = None
+
+    @property
+    def offset_m(self) -> PlanePoint:
+        """The offset (x, z), as last known; (0, 0) before the first match."""
+        return float(self._mean[0]), float(self._mean[1])
+
+    @property
+    def is_known(self) -> bool:
+        """True from a match on, until the estimate may have drifted too far."""
+        return self._seen_s is not None
+
+    def step(self, found: Sequence[ConductorSighting], sensor_m: FloatArray, time_s: float) -> None:
+        """Takes the sightings of a scan. sensor_m: (3,), placed by the estimate as they are."""
+        nearest = sorted(found, key=lambda each: each.range_m)[:_MOST_SIGHTINGS]
+        places = np.array([each.crossing_m() for each in nearest]).reshape(-1, 2)
+        if self._seen_s is not None and self._covariance_at(time_s)[0, 0] > _LOST_M**2:
+            self._seen_s, self._covariance = None, _unknown()
+        covariance = self._covariance_at(time_s)
+        best = self._matched_scan(places, places - sensor_m[[0, 2]], covariance)
+        if best is not None:
+            self._mean, self._covariance = best.mean, best.covariance
+            self._seen_s, self._matched, self._contradicted_s = time_s, len(best.pairs), None
+        elif not self._should_see(sensor_m, len(places)):
+            self._contradicted_s = None
+        elif self._contradicted_s is None:
+            self._contradicted_s = time_s
+
+    def _should_see(self, sensor_m: FloatArray, count: int) -> bool:
+        """True if one of the sightings should be of a known wire, which hangs close by."""
+        here_m = (sensor_m[0] + self._mean[0], sensor_m[2] + self._mean[1])
+        near = any(math.dist(here_m, wire_m) < _NEAR_M for wire_m in self._wires_m)
+        return near and self.is_known and count >= _LEAST_PAIRS
+
+    def learn(self, wires_m: Iterable[PlanePoint], time_s: float) -> None:
+        """Takes wires in the line's frame that were seen often; none where the site has its own."""
+        if not self._learns:
+            return
+        if not self._wires_m:
+            self._covariance, self._seen_s = np.diag([_SIGHTING_M**2] * 2 + [_TURN_RAD**2]), time_s
+        elif not self.is_known:
+            return
+        for place_m in wires_m:
+            if all(math.dist(place_m, known_m) > _ANOTHER_M for known_m in self._wires_m):
+                self._wires_m.append(place_m)
+
+    def shift(self, step_m: Vector) -> None:
+        """Takes a jump of the estimate: neither the aircraft nor the line has moved."""
+        self._mean = self._mean - np.array([step_m[0], step_m[2], 0.0])
+        self._covariance = self._covariance + np.diag([_JUMP_M**2, _JUMP_M**2, 0.0])
+
+    def report(self, time_s: float, jumped_m: Vector) -> LineOffset:
+        """The offset with its covariance at a time. jumped_m: jumps of the estimate so far."""
+        covariance = self._covariance_at(time_s) + np.eye(3) * _SURVEY_M**2
+        return LineOffset(
+            offset_m=self.offset_m,
+            covariance_m2=(
+                float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1]),
+            ),
+            jumped_m=jumped_m,
+            seen_s=self._seen_s,
+            wires=self._matched if self.is_known else 0,
+            contradicted_s=self._contradicted_s,
+        )  # fmt: skip
+
+    def _covariance_at(self, time_s: float) -> FloatArray:
+        """Covariance (3, 3) of offset and turn, for an estimate that has drifted until then."""
+        if self._seen_s is None:
+            return self._covariance
+        elapsed_s = max(0.0, time_s - self._seen_s)
+        drift = (_DRIFT_MPS * elapsed_s) ** 2
+        turn = min(_TURN_RAD_PER_S**2 * elapsed_s, _TURN_RAD**2 - self._covariance[2, 2])
+        return self._covariance + np.diag([drift, drift, max(0.0, turn)])
+
+    def _matched_scan(
+        self, places: FloatArray, beside: FloatArray, covariance: FloatArray
+    ) -> _Hypothesis | None:
+        """The hypothesis of a scan; None where no or no clear one has pairs enough."""
+        wires = np.array(self._wires_m).reshape(-1, 2)
+        found = _Search(places, beside, wires).best(self._mean, covariance)
+        known = math.sqrt(max(covariance[0, 0], covariance[1, 1])) < _KNOWN_M
+        enough = 1 if known or len(wires) == 1 else _LEAST_PAIRS
+        if not found or len(found[0].pairs) < enough:
+            return None
+        best, *others = found
+        for other in others:
+            elsewhere = math.dist(best.mean[:2], other.mean[:2]) > _ANOTHER_M
+            if elsewhere and other.squared - best.squared < _CLEARER:
+                return None
+        return best
+
+
+def _unknown() -> FloatArray:
+    return np.diag([_BEGIN_M**2, _BEGIN_M**2, _TURN_RAD**2])
+
+
+class _Search:
+    """Branch and bound over the pairs of one scan.
+
+    places (n, 2): crossings as the estimate places them; beside (n, 2): from the sensor to them;
+    wires (m, 2).
+    """
+
+    def __init__(self, places: FloatArray, beside: FloatArray, wires: FloatArray) -> None:
+        self._places, self._beside, self._wires = places, beside, wires
+        self._most = 0
+        self._found: list[_Hypothesis] = []
+
+    def best(self, mean: FloatArray, covariance: FloatArray) -> list[_Hypothesis]:
+        """The hypotheses with the most pairs, the likeliest first; empty without any pair."""
+        begin = _Hypothesis(pairs=(), squared=0.0, mean=mean, covariance=covariance)
+        self._extend(begin, 0)
+        whole = [each for each in self._found if len(each.pairs) == self._most]
+        return sorted(whole, key=lambda each: each.squared)
+
+    def _extend(self, so_far: _Hypothesis, index: int) -> None:
+        if len(so_far.pairs) + len(self._places) - index < max(self._most, 1):
+            return
+        if index == len(self._places):
+            self._most = len(so_far.pairs)
+            self._found.append(so_far)
+            return
+        taken = {wire for _, wire in so_far.pairs}
+        for wire in self._compatible(so_far, index):
+            if wire not in taken and (longer := self._paired(so_far, index, wire)) is not None:
+                self._extend(longer, index + 1)
+        self._extend(so_far, index + 1)
+
+    def _innovation(self, so_far: _Hypothesis, index: int) -> tuple[FloatArray, FloatArray]:
+        """Jacobian (2, 3) and covariance (2, 2) of a sighting's distance from a wire."""
+        x_m, z_m = self._beside[index]
+        jacobian = np.array([[1.0, 0.0, z_m], [0.0, 1.0, -x_m]])
+        noise = np.eye(2) * _SIGHTING_M**2
+        return jacobian, jacobian @ so_far.covariance @ jacobian.T + noise
+
+    def _compatible(self, so_far: _Hypothesis, index: int) -> list[int]:
+        """Wires that a sighting may be of, the nearest first."""
+        jacobian, spread = self._innovation(so_far, index)
+        off = self._wires - self._places[index] - jacobian @ so_far.mean
+        squared = np.einsum("ij,jk,ik->i", off, np.linalg.inv(spread), off)
+        order = np.argsort(squared, kind="stable")
+        return [int(wire) for wire in order if squared[wire] < _PAIR]
+
+    def _paired(self, so_far: _Hypothesis, index: int, wire: int) -> _Hypothesis | None:
+        """The hypothesis with one more pair; None where all pairs do not fit together.
+
+        The innovations of successive updates are independent: their squared distances add up to the
+        joint one.
+        """
+        jacobian, spread = self._innovation(so_far, index)
+        off = self._wires[wire] - self._places[index] - jacobian @ so_far.mean
+        inverse = np.linalg.inv(spread)
+        squared = so_far.squared + float(off @ inverse @ off)
+        if squared > _PER_PAIR * (len(so_far.pairs) + 1):
+            return None
+        gain = so_far.covariance @ jacobian.T @ inverse
+        return _Hypothesis(
+            pairs=(*so_far.pairs, (index, wire)),
+            squared=squared,
+            mean=so_far.mean + gain @ off,
+            covariance=so_far.covariance - gain @ spread @ gain.T,
+        )

@@ -1,0 +1,141 @@
+"""Flight in the line's frame: pose, setpoints and texts of a desk whose sensor sees the line."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import astuple, replace
+
+import pytest
+
+from moar_companion.companion.status import LatestDecisions
+from moar_companion.perception.perception_report import LineOffset
+from moar_companion.perception.pose_notes import PositionNote
+
+from .desk import STEP_S
+from .watched import Watched
+
+AHEAD_M = (0.9, -0.6)
+
+
+def by_line(desk, x_m, z_m, **changes):
+    """The line shows from now on that the aircraft is (x_m, z_m) from where the autopilot says."""
+    seen = LineOffset(
+        offset_m=(x_m, z_m), covariance_m2=(0.01, 0.0, 0.01), seen_s=desk.now_s, wires=5
+    )
+    desk.line = replace(seen, **changes)
+    return desk
+
+
+def estimate_m(desk):
+    """(x, z) by the autopilot alone."""
+    x_m, _, z_m = desk.companion.state.pose_tracker.estimate.position_m
+    return x_m, z_m
+
+
+def place_m(desk):
+    x_m, _, z_m = desk.companion.pose.position_m
+    return x_m, z_m
+
+
+def off_m(desk):
+    (x_m, z_m), (by_x_m, by_z_m) = place_m(desk), estimate_m(desk)
+    return x_m - by_x_m, z_m - by_z_m
+
+
+def test_without_a_known_line_the_pose_is_the_autopilots():
+    desk = Watched().run(2.0)
+    desk.line = LineOffset(offset_m=AHEAD_M)
+    desk.run(2.0)
+    assert off_m(desk) == (0.0, 0.0)
+
+
+def test_before_the_stream_the_pose_is_moved_at_once():
+    desk = by_line(Watched().run(2.0), *AHEAD_M).run(0.3)
+    assert off_m(desk) == pytest.approx(AHEAD_M)
+
+
+def test_in_flight_the_offset_moves_at_most_as_fast_as_a_drift_and_no_setpoint_jumps():
+    desk = Watched().fly(1.0)
+    by_line(desk, *AHEAD_M)
+    began_s = desk.now_s
+    desk.run(1.0)
+    moved = math.hypot(*off_m(desk))
+    assert 0.2 < moved < 0.31
+    desk.run(4.0)
+    assert off_m(desk) == pytest.approx(AHEAD_M)
+    assert desk.state == "flying"
+    sent = [(m.x, m.y, m.z) for m in desk.setpoints(began_s)]
+    steps_m = [math.dist(one, other) for one, other in itertools.pairwise(sent)]
+    fastest_mps = max(astuple(desk.vehicle.speed))
+    assert max(steps_m) < (fastest_mps + 0.3) * STEP_S + 1e-3
+
+
+def test_the_setpoint_that_is_sent_has_the_offset_taken_off():
+    desk = by_line(Watched().run(2.0), *AHEAD_M).fly(2.0)
+    plane, last = desk.companion.state.pose_tracker.plane, desk.setpoints()[-1]
+    setpoint = desk.companion.state.routes.flight.progress(desk.companion.pose).setpoint
+    assert plane.position_to_ned(setpoint.position_m) == pytest.approx((last.x, last.y, last.z))
+    as_surveyed = plane.moved(-AHEAD_M[0], -AHEAD_M[1])
+    x_m, _, z_m = as_surveyed.position_from_ned((last.x, last.y, last.z))
+    assert (x_m + AHEAD_M[0], z_m + AHEAD_M[1]) == pytest.approx(
+        (setpoint.position_m[0], setpoint.position_m[2])
+    )
+
+
+def test_the_perception_is_told_the_autopilots_own_positions():
+    desk = by_line(Watched().run(2.0), *AHEAD_M).run(1.0)
+    notes = [note for note in desk.notes if isinstance(note, PositionNote)]
+    assert notes[-1].position_m == pytest.approx(
+        desk.companion.state.pose_tracker.estimate.position_m
+    )
+
+
+def test_a_line_that_is_out_of_sight_keeps_its_last_offset():
+    desk = by_line(Watched().run(2.0), *AHEAD_M).fly(1.0)
+    desk.line = replace(desk.line, seen_s=None, covariance_m2=(2.25, 0.0, 2.25))
+    desk.run(5.0)
+    assert off_m(desk) == pytest.approx(AHEAD_M)
+
+
+def test_a_jump_of_the_estimate_moves_nothing_in_the_lines_frame():
+    """The estimate jumps by 1.2 m; the next report of the perception does not know it yet."""
+    desk = by_line(Watched().run(2.0), *AHEAD_M).fly(2.0)
+    before_m, before = place_m(desk), desk.setpoints()[-1]
+    place_ned_m, jump_ned_m = desk.position_ned_m, (0.9, -0.8, -0.4)
+    desk.jump(*jump_ned_m).run(0.06)
+    assert math.dist(place_m(desk), before_m) < 0.1
+    after = desk.setpoints()[-1]
+    jumped_m = (after.x - before.x, after.y - before.y, after.z - before.z)
+    assert jumped_m == pytest.approx(jump_ned_m, abs=0.1)
+    assert math.dist(desk.position_ned_m, place_ned_m) < 0.1  # the aircraft has not followed it
+    jumped_by_m = desk.companion.state.pose_tracker.jumped_by_m
+    by_line(desk, AHEAD_M[0] - jumped_by_m[0], AHEAD_M[1] - jumped_by_m[2], jumped_m=jumped_by_m)
+    desk.run(2.0)
+    assert desk.state == "flying"
+    assert math.dist(desk.position_ned_m, place_ned_m) < 2.5
+    assert not desk.said("jumped")
+
+
+def test_a_line_that_is_too_far_off_holds_the_flight():
+    desk = by_line(Watched().run(2.0), 0.2, 0.0).fly(2.0)
+    by_line(desk, 4.4, 4.5)
+    desk.run(1.0)
+    assert desk.state == "holding"
+    assert desk.said("line off by 6.3 m > 6, holding")
+    by_line(desk, 0.2, 0.0)
+    desk.run(4.0)
+    assert desk.state == "flying"
+
+
+def test_the_status_has_the_offset_its_covariance_and_what_is_flown_with():
+    desk = by_line(Watched().run(2.0), *AHEAD_M).run(1.0)
+    status = LatestDecisions().status_of(
+        desk.companion, desk.now_s, clock_offset_s=0.0, recorder=None
+    )
+    line = status["perception"]["line"]
+    assert tuple(line["offset_m"]) == AHEAD_M
+    assert tuple(line["applied_m"]) == pytest.approx(AHEAD_M)
+    assert line["covariance_m2"][0] == 0.01
+    assert line["wires"] == 5
+    assert line["age_s"] == pytest.approx(1.0, abs=0.2)
