@@ -9,6 +9,7 @@ import math
 from dataclasses import replace
 
 from ..mavlink.telemetry import LandedState
+from ..risk.localization import PlaceByLine
 from ..risk.power.cells import misread
 from ..types import Mission
 from .contingency.contingency_planner import ContingencyInputs
@@ -21,6 +22,8 @@ from .safety.check_inputs import CheckInputs, EscapeRoute
 from .safety.position_checks import widening_m
 from .safety.uncertainty_growth import AHEAD_S
 
+_DEVIATIONS = 2.0
+"""Standard deviations of the offset that count: 95 % of each axis."""
 ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
 
 
@@ -33,6 +36,20 @@ def tracking_error_m(state: CycleState) -> float | None:
     if flight is None or state.status.state not in IN_CONTROL:
         return None
     return math.inf if pose is None else flight.error_m(pose)
+
+
+def place_by_line(state: CycleState) -> PlaceByLine | None:
+    """Place by the line, with its uncertainty; None while nothing is known of it."""
+    report = state.seen_obstacles.report
+    if report is None or report.line.seen_s is None:
+        return None
+    x_m2, _, z_m2 = report.line.covariance_m2
+    return PlaceByLine(
+        received_s=report.time_s,
+        uncertainty_m=_DEVIATIONS * math.sqrt(max(x_m2, z_m2)),
+        off_m=state.pose_tracker.lag_m(report.line),
+        wires=report.line.wires,
+    )
 
 
 def exposure_limit_s(state: CycleState) -> float:

@@ -22,6 +22,7 @@ from .cycle_inputs import (
     check_inputs,
     escapes,
     exposure_limit_s,
+    place_by_line,
     scene,
     situation,
     tracking_error_m,
@@ -182,7 +183,8 @@ def _look_ahead(state: CycleState, now_s: float) -> None:
 def _assess_risk(state: CycleState, now_s: float) -> None:
     """Updates the risk indices from telemetry and the remaining flight."""
     session, error_m = state.session, tracking_error_m(state)
-    state.risk_monitor.judge(session.telemetry, session.requests.parameters, error_m, now_s)
+    parameters, by_line = session.requests.parameters, place_by_line(state)
+    state.risk_monitor.judge(session.telemetry, parameters, error_m, by_line, now_s)
 
 
 def _rule(state: CycleState, now_s: float) -> None:

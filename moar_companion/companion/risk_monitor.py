@@ -10,6 +10,7 @@ from ..mavlink.telemetry import Telemetry
 from ..planner.site import Site
 from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
+from ..risk.localization import PlaceByLine
 from ..risk.power import PowerModel
 from ..risk.wind import MOTOR_OUTPUT
 from ..settings.vehicle import Vehicle
@@ -124,6 +125,7 @@ class RiskMonitor:
         telemetry: Telemetry,
         parameters: Parameters,
         tracking_error_m: float | None,
+        by_line: PlaceByLine | None,
         now_s: float,
     ) -> None:
         """Updates the risks. tracking_error_m: None while the companion does not fly."""
@@ -134,6 +136,7 @@ class RiskMonitor:
             model=self._vehicle.risk,
             cruise_mps=self._vehicle.speed.horizontal_mps,
             tracking_error_m=tracking_error_m,
+            by_line=by_line,
             power=self._power,
             demands=None if self.contingencies is None else self.contingencies.demands,
         )

@@ -24,11 +24,14 @@ from . import battery, communication, localization, wind
 from .communication import CommunicationMemory
 from .input_reports import InputReport
 from .localization import (
+    BY_LINE,
     ESTIMATOR_ACCURACY,
     ESTIMATOR_HEIGHT_ACCURACY,
     ODOMETRY_ACCURACY,
     ODOMETRY_HEIGHT_ACCURACY,
+    OFF_LINE,
     LocalizationMemory,
+    PlaceByLine,
 )
 from .power import Demands, Meter, PowerModel
 from .receivers import RECEIVER_ACCURACY
@@ -105,7 +108,9 @@ class RiskEstimate:
 
     @cached_property
     def position_accuracies(self) -> tuple[InputReport, ...]:
-        """Last reports of the position's accuracy that count: the estimator's, else the receiver's.
+        """Last reports of the position's accuracy that count.
+
+        By the line, while its wires show the place; else the estimator's, else the receiver's.
 
         Each source's last value counts. While the estimator reports nothing, the receiver counts,
         too. The plane is vertical: level and height accuracy count, and the worse applies to all
@@ -113,6 +118,15 @@ class RiskEstimate:
         none): height is barometric, which the receiver's v_acc does not describe.
         """
         reported = self.last_known.get("localization", {})
+        autopilot = self._autopilot_accuracies(reported)
+        if not self._known_now((BY_LINE,)):
+            return autopilot
+        by_line, off_line = reported[BY_LINE], reported[OFF_LINE]
+        # Out of its sight the place by the line becomes less certain than the autopilot's.
+        worst_m = max((item.value or 0.0 for item in autopilot), default=math.inf)
+        return (off_line, *((by_line,) if (by_line.value or 0.0) < worst_m else autopilot))
+
+    def _autopilot_accuracies(self, reported: Mapping[str, InputReport]) -> tuple[InputReport, ...]:
         level = _ESTIMATOR if self._known_now(_ESTIMATOR) else _LEVEL
         sources = (*level, ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
         return tuple(reported[name] for name in sources if name in reported)
@@ -146,12 +160,14 @@ def update(
     model: RiskModel,
     cruise_mps: float,
     tracking_error_m: float | None = None,
+    by_line: PlaceByLine | None = None,
     power: PowerModel | None = None,
     demands: Demands | None = None,
 ) -> RiskEstimate:
     """Estimate updated by the telemetry at `now_s`; designed for calls at about 10 Hz.
 
-    cruise_mps: speed of a return, positive. power: None for that of a vehicle file without one.
+    cruise_mps: speed of a return, positive. by_line: None without a sensor of the line.
+    power: None for that of a vehicle file without one.
     demands: energy still to be flown; None without a plan.
     """
     if power is None:
@@ -163,7 +179,7 @@ def update(
     inputs = {
         "wind": wind.inputs(telemetry, now_s, model, memory_wind, tracking_error_m),
         "communication": communication.inputs(telemetry, now_s, model, memory_communication),
-        "localization": localization.inputs(telemetry, now_s, model, memory_localization),
+        "localization": localization.inputs(telemetry, now_s, model, memory_localization, by_line),
         "battery": battery.inputs(telemetry, now_s, model, meter, power, cruise_mps, demands),
     }
     reported_before = {name: estimate.last_known.get(name, {}) for name in inputs}

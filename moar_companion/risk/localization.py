@@ -28,6 +28,9 @@ ESTIMATOR_ACCURACY = "estimator accuracy"
 ESTIMATOR_HEIGHT_ACCURACY = "estimator height accuracy"
 ODOMETRY_ACCURACY = "odometry accuracy"
 ODOMETRY_HEIGHT_ACCURACY = "odometry height accuracy"
+BY_LINE, OFF_LINE = "place by the line", "pose off the line's place"
+_LINE_MAX_AGE_S = 1.0
+"""Maximum age of a report of the perception: it comes at least five times a second."""
 _RESETS_S = 10.0
 """Time for which a reset counts: the same as the supervisor's for a jump."""
 _CLOCK_BACK_S = 1.0
@@ -45,6 +48,18 @@ _FIELD_SETTLED_S = 30.0
 _FIELD_CHANGED = 0.2
 """Fraction of the time that counts while a change is a risk. Small, so that a line's field does not
 become usual; not 0, as the earlier mean may be that of steel under a hover."""
+
+
+class PlaceByLine(NamedTuple):
+    """Place that the line's wires show. received_s: of the report.
+
+    uncertainty_m: of the place. off_m: from there to the pose that is flown with, which follows it.
+    """
+
+    received_s: float
+    uncertainty_m: float
+    off_m: float
+    wires: int
 
 
 class FieldMean(NamedTuple):
@@ -157,9 +172,16 @@ def _field_mean(
 
 
 def inputs(
-    telemetry: Telemetry, now_s: float, model: RiskModel, memory: LocalizationMemory
+    telemetry: Telemetry,
+    now_s: float,
+    model: RiskModel,
+    memory: LocalizationMemory,
+    by_line: PlaceByLine | None = None,
 ) -> tuple[InputReport, ...]:
-    """Normalised inputs of the localization risk; `memory` includes this telemetry."""
+    """Normalised inputs of the localization risk; `memory` includes this telemetry.
+
+    by_line: None without a sensor that sees the line.
+    """
     estimator, odometry, resets = telemetry.estimator, telemetry.odometry, memory.resets
     magnetic, mean = telemetry.magnetic_field, memory.field_mean
     estimated = source_of(estimator, now_s, _ESTIMATOR_MAX_AGE_S)
@@ -198,6 +220,7 @@ def inputs(
     alone = not any(report.known for report in position)
     return (
         *position,
+        *(() if by_line is None else _by_line(by_line, now_s, model)),
         estimated.input_report(
             ESTIMATOR_HEIGHT_ACCURACY,
             None if alone or estimator is None else positive(estimator.vertical_accuracy_m),
@@ -222,4 +245,13 @@ def inputs(
             "of its mean",
             model.magnetic_change.fraction,
         ),
+    )
+
+
+def _by_line(place: PlaceByLine, now_s: float, model: RiskModel) -> tuple[InputReport, ...]:
+    source, risk = source_of(place, now_s, _LINE_MAX_AGE_S), model.horizontal_accuracy_m.fraction
+    wires = f"by {place.wires} wires"
+    return (
+        source.input_report(BY_LINE, place.uncertainty_m, "m", risk, remark=wires),
+        source.input_report(OFF_LINE, place.off_m, "m", risk),
     )

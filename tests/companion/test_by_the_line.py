@@ -124,7 +124,7 @@ def test_a_line_that_is_too_far_off_holds_the_flight():
     assert desk.state == "holding"
     assert desk.said("line off by 6.3 m > 6, holding")
     by_line(desk, 0.2, 0.0)
-    desk.run(4.0)
+    desk.run(8.0)
     assert desk.state == "flying"
 
 
@@ -139,3 +139,49 @@ def test_the_status_has_the_offset_its_covariance_and_what_is_flown_with():
     assert line["covariance_m2"][0] == 0.01
     assert line["wires"] == 5
     assert line["age_s"] == pytest.approx(1.0, abs=0.2)
+
+
+def uncertainty_m(desk):
+    return desk.companion.risk.position_uncertainty_m
+
+
+def test_while_the_line_is_seen_its_place_counts_and_not_what_the_autopilot_reports():
+    desk = by_line(Watched(), 0.2, 0.0)
+    desk.set(accuracy_m=3.5)
+    desk.fly(2.0)
+    assert desk.state == "flying"
+    assert uncertainty_m(desk) == pytest.approx(0.2)  # two deviations of a decimetre
+    text = next(
+        item.phrase
+        for item in desk.companion.risk.report.localization.inputs
+        if item.name == "place by the line"
+    )
+    assert text == "place by the line 0.2 m (by 5 wires)"
+
+
+def test_out_of_sight_the_place_by_the_line_counts_until_the_autopilots_is_better():
+    desk = by_line(Watched(), 0.2, 0.0)
+    desk.set(accuracy_m=0.9)
+    desk.fly(2.0)
+    for deviation_m, expected_m in ((0.3, 0.6), (0.44, 0.88), (0.6, 0.9), (3.0, 0.9)):
+        desk.line = replace(desk.line, covariance_m2=(deviation_m**2, 0.0, 0.01))
+        desk.run(0.4)
+        assert uncertainty_m(desk) == pytest.approx(expected_m, abs=0.02)
+
+
+def test_the_way_to_the_lines_place_that_is_not_flown_yet_counts_too():
+    desk = by_line(Watched(), 0.2, 0.0).fly(2.0)
+    by_line(desk, 1.7, 0.0)
+    desk.run(0.3)
+    assert uncertainty_m(desk) == pytest.approx(1.45, abs=0.1)
+    desk.run(6.0)
+    assert uncertainty_m(desk) == pytest.approx(0.2)
+
+
+def test_a_perception_that_is_silent_leaves_the_autopilots_accuracy():
+    desk = by_line(Watched(), 0.2, 0.0)
+    desk.set(accuracy_m=0.9)
+    desk.fly(2.0)
+    desk.works = False
+    desk.run(1.5)
+    assert uncertainty_m(desk) == pytest.approx(0.9)

@@ -228,17 +228,24 @@ class PoseTracker:
         self._by_line = line.seen_s is not None
         if not self._by_line:
             return
-        missed = _difference(self.jumped_by_m, line.jumped_m)
-        away_m = (
-            line.offset_m[0] - missed[0] - self.offset_m[0],
-            line.offset_m[1] - missed[2] - self.offset_m[1],
-        )
+        away_m = self._away_m(line)
         length_m = math.hypot(*away_m)
         if not length_m:
             return
         share = 1.0 if at_once else min(1.0, _FOLLOWS_MPS * step_s / length_m)
         self._move_offset(share * away_m[0], share * away_m[1])
         self._show()
+
+    def lag_m(self, line: LineOffset) -> float:
+        """Distance from the offset to where the line shows it."""
+        return math.hypot(*self._away_m(line))
+
+    def _away_m(self, line: LineOffset) -> PlanePoint:
+        missed = _difference(self.jumped_by_m, line.jumped_m)
+        return (
+            line.offset_m[0] - missed[0] - self.offset_m[0],
+            line.offset_m[1] - missed[2] - self.offset_m[1],
+        )
 
     def _move_offset(self, x_m: float, z_m: float) -> None:
         self.offset_m = self.offset_m[0] + x_m, self.offset_m[1] + z_m
