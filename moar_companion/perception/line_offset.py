@@ -35,8 +35,9 @@ _DRIFT_MPS = 0.3
 """Greatest drift of the estimate. Of real ones: PX4 1 to 1.7 m in all, ArduPilot's pushed GPS."""
 _BEGIN_M = 1.5
 """Standard deviation of the offset before a scan has shown it: the estimate's own error."""
-_TURN_RAD, _TURN_RAD_PER_S = 0.02, 0.01
-"""Standard deviation of the attitude's error, and of its change within a second."""
+_TURN_RAD, _TURN_S = 0.03, 10.0
+"""Standard deviation of the attitude's error, and the time after which it is another one. A real
+PX4's was 2 degrees after a turn."""
 _SIGHTING_M = 0.08
 """Standard deviation of a sighting's place against the wire's: echoes, sag, survey."""
 _SURVEY_M = 0.05
@@ -96,6 +97,16 @@ class LineTracker:
         """The offset (x, z), as last known; (0, 0) before the first match."""
         return float(self._mean[0]), float(self._mean[1])
 
+    def placed(self, points_m: FloatArray, sensor_m: FloatArray) -> FloatArray:
+        """Points (n, 3) in the line's frame, without the attitude's error about the line.
+
+        sensor_m: (3,) or (n, 3); both as the estimate places them.
+        """
+        x_m, z_m, turn_rad = self._mean
+        beside = points_m - sensor_m
+        turned = turn_rad * np.column_stack((beside[:, 2], np.zeros(len(beside)), -beside[:, 0]))
+        return np.asarray(points_m + np.array([x_m, 0.0, z_m]) + turned)
+
     @property
     def is_known(self) -> bool:
         """True from a match on, until the estimate may have drifted too far."""
@@ -107,8 +118,8 @@ class LineTracker:
         places = np.array([each.crossing_m() for each in nearest]).reshape(-1, 2)
         if self._seen_s is not None and self._covariance_at(time_s)[0, 0] > _LOST_M**2:
             self._seen_s, self._covariance = None, _unknown()
-        covariance = self._covariance_at(time_s)
-        best = self._matched_scan(places, places - sensor_m[[0, 2]], covariance)
+        mean, covariance = self._mean_at(time_s), self._covariance_at(time_s)
+        best = self._matched_scan(places, places - sensor_m[[0, 2]], mean, covariance)
         if best is not None:
             self._mean, self._covariance = best.mean, best.covariance
             self._seen_s, self._matched, self._contradicted_s = time_s, len(best.pairs), None
@@ -158,17 +169,24 @@ class LineTracker:
         """Covariance (3, 3) of offset and turn, for an estimate that has drifted until then."""
         if self._seen_s is None:
             return self._covariance
-        elapsed_s = max(0.0, time_s - self._seen_s)
-        drift = (_DRIFT_MPS * elapsed_s) ** 2
-        turn = min(_TURN_RAD_PER_S**2 * elapsed_s, _TURN_RAD**2 - self._covariance[2, 2])
-        return self._covariance + np.diag([drift, drift, max(0.0, turn)])
+        drift = (_DRIFT_MPS * max(0.0, time_s - self._seen_s)) ** 2
+        kept = np.diag([1.0, 1.0, self._turn_kept(time_s)])
+        more = np.diag([drift, drift, _TURN_RAD**2 * (1.0 - kept[2, 2] ** 2)])
+        return np.asarray(kept @ self._covariance @ kept + more)
+
+    def _mean_at(self, time_s: float) -> FloatArray:
+        return np.asarray(self._mean * np.array([1.0, 1.0, self._turn_kept(time_s)]))
+
+    def _turn_kept(self, time_s: float) -> float:
+        """Share of the attitude's error that is left: it tends to none."""
+        return 1.0 if self._seen_s is None else math.exp(-(time_s - self._seen_s) / _TURN_S)
 
     def _matched_scan(
-        self, places: FloatArray, beside: FloatArray, covariance: FloatArray
+        self, places: FloatArray, beside: FloatArray, mean: FloatArray, covariance: FloatArray
     ) -> _Hypothesis | None:
         """The hypothesis of a scan; None where no or no clear one has pairs enough."""
         wires = np.array(self._wires_m).reshape(-1, 2)
-        found = _Search(places, beside, wires).best(self._mean, covariance)
+        found = _Search(places, beside, wires).best(mean, covariance)
         known = math.sqrt(max(covariance[0, 0], covariance[1, 1])) < _KNOWN_M
         enough = 1 if known or len(wires) == 1 else _LEAST_PAIRS
         if not found or len(found[0].pairs) < enough:

@@ -259,8 +259,11 @@ class LivePerception:
         found = sightings(echoes, ring, sensor, _ACROSS, self._random)
         self._line.step(found, sensor, time_s)
         step = self._to_line()
-        points = points + step
-        found = [replace(each, point_m=each.point_m + step) for each in found]
+        points = self._line.placed(points, sensors)
+        found = [
+            replace(each, point_m=self._line.placed(each.point_m[None], sensor)[0])
+            for each in found
+        ]
         rays = PlaneRays.of(points, sensor + step, _SCAN_SECTORS)
         known = {conductor.name for conductor in self._tracks.conductors}
         self._tracks.step(found, time_s, rays, scan.ring)
@@ -295,7 +298,7 @@ class LivePerception:
         placed = points_in_site(points_m, times_s, self._poses, _AIRCRAFT)
         if placed is None:
             return False
-        points, sensors = (each + self._to_line() for each in placed)
+        points, sensors = self._line.placed(*placed), placed[1] + self._to_line()
         distance = np.sqrt(((points - sensors) ** 2).sum(axis=1))
         near = (distance > _HULL_M) & (distance < _REACH_M)
         solid = near & ~_ground(points, distance) & ~self._tracks.own(points, math.nan)

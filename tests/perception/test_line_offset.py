@@ -88,6 +88,21 @@ def test_an_error_of_the_attitude_is_no_offset():
     assert scans.error_m() < 0.03
 
 
+def test_what_is_seen_is_placed_without_the_attitudes_error():
+    scans = Scans(noise_m=0.0)
+    scans.turn_rad, scans.off = math.radians(2.0), np.array([0.5, -0.3])
+    for _ in range(20):
+        scans.scan()
+    assert scans.error_m() < 0.1
+    cos, sin = math.cos(scans.turn_rad), math.sin(scans.turn_rad)
+    estimate = PLACE + np.array([0.5, 0.0, -0.3])
+    for wire in scans.wires:
+        x, z = wire - PLACE[[0, 2]]
+        seen = estimate + np.array([cos * x - sin * z, 0.0, sin * x + cos * z])
+        (place,) = scans.tracker.placed(seen[None], estimate)
+        assert math.dist(place[[0, 2]], wire) < 0.12
+
+
 @pytest.mark.parametrize("direction_deg", [0, 90, 180, 270, 45])
 def test_a_drift_is_followed_in_every_direction(direction_deg):
     scans, errors = Scans(), []
@@ -147,7 +162,10 @@ def test_once_known_one_wire_is_enough_and_the_neighbour_is_not_taken_for_it():
         scans.scan()
     for _ in range(100):
         scans.off = scans.off + np.array([0.02, 0.0])
-        assert scans.scan(visible=(1,)).error_m() < 0.3
+        error_m = scans.scan(visible=(1,)).error_m()
+        report = scans.tracker.report(scans.time_s, STILL)
+        assert error_m < 3.0 * math.sqrt(max(report.covariance_m2[0], report.covariance_m2[2]))
+        assert error_m < 0.5
 
 
 def test_one_sighting_alone_begins_nothing_on_a_line_of_several_wires():
