@@ -378,6 +378,14 @@ def test_a_random_flight_keeps_the_promise(kind):
 
 
 @pytest.mark.slow
+def test_setpoints_until_a_restart_is_noticed_are_in_the_frame_before_it():
+    """After its restart in the air the autopilot has another origin, 13 m higher."""
+    row = row_of(1_001_379)
+    assert [fault["kind"] for fault in row["faults"]] == ["autopilot_reboot"]
+    assert row["verdict"] == "kept"
+
+
+@pytest.mark.slow
 def test_the_command_writes_the_same_row_each_time_and_flies_it_once(tmp_path, capsys):
     words = ["--seeds", f"{SEED}:{SEED + 1}", "--out", str(tmp_path)]
     assert main(words) == 0

@@ -215,6 +215,8 @@ class RandomFlight(Lockstep):
         self._each_step: list = []
         self._later: list[tuple[float, object]] = []
         self._position_s = self._mode_s = -math.inf
+        self._boot_us: int | None = None
+        """Start of the autopilot that sent the last position which the companion received."""
         self._accuracy_m = 0.0
         self._landed_s = math.inf
         self.start_s = math.inf
@@ -392,7 +394,7 @@ class RandomFlight(Lockstep):
         if number not in LOOKED_AT or (message := packets.decoded(packet)) is None:
             return
         if number == packets.LOCAL_POSITION:
-            self._position = packet
+            self._position, self._boot_us = packet, self.autopilot.manner._boot_us
             self._position_s = max(self._position_s, sent_s)
         elif number in {packets.HEARTBEAT, packets.CURRENT_MODE}:
             self._mode_s = max(self._mode_s, sent_s)
@@ -427,12 +429,17 @@ class RandomFlight(Lockstep):
         return (*self._turned(north, east), up)
 
     def _local_in_site(self, x, y, z):
-        """A place of the autopilot's local frame in the site's frame, by the true (last) origin."""
+        """A place of the autopilot's local frame in the site's frame, by the true (last) origin.
+
+        After a restart by the last one before, until a position tells the companion of it: what it
+        sends meanwhile is meant so, and an autopilot that has just started follows no setpoint.
+        """
         nav = self.autopilot.manner.navigation
-        if self.drawn.manner is Manner.PX4:
-            self._origin = nav.origin, nav.origin_altitude_m
-        elif nav._projection is not None:
-            self._origin = nav._projection, nav._origin_altitude_m
+        if self._boot_us in {None, self.autopilot.manner._boot_us}:
+            if self.drawn.manner is Manner.PX4:
+                self._origin = nav.origin, nav.origin_altitude_m
+            elif nav._projection is not None:
+                self._origin = nav._projection, nav._origin_altitude_m
         projection, altitude_m = self._origin
         return self._in_site(*projection.reproject(x, y), altitude_m - z)
 
