@@ -470,5 +470,8 @@ def _emit(state: CycleState, now_s: float) -> None:
     if now_s < state.report_due_s:
         return
     state.report_due_s = now_s + _REPORT_PERIOD_S
-    state.reports.report_values(mission, state.risk.indices, state.weights, state.pose, now_s)
+    offset_m = state.pose_tracker.offset_m
+    state.reports.report_values(
+        mission, state.risk.indices, state.weights, state.pose, offset_m, now_s
+    )
     state.reports.report_refusals(state.session.signing, now_s)

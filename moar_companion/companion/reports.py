@@ -22,7 +22,7 @@ from ..planner.adaptation import Adaptation
 from ..planner.comparison import path_difference
 from ..planner.plan_values import Plan
 from ..planner.regions import narrowest
-from ..planner.site import Site
+from ..planner.site import PlanePoint, Site
 from ..risk import RiskEstimate
 from ..risk.explain import risk_section, weights_section
 from ..risk.power.cells import misread
@@ -117,9 +117,13 @@ class Reports:
         risk: RiskIndices,
         weights: Weights,
         pose: Pose | None,
+        offset_m: PlanePoint,
         now_s: float,
     ) -> None:
-        """Sends risk indices and weights as NAMED_VALUE_FLOAT; records the status."""
+        """Sends risk indices and weights as NAMED_VALUE_FLOAT; records the status.
+
+        offset_m: of the line's frame, in which the pose is; recorded where there is one.
+        """
         for name, value in (
             ("RISK_WIND", risk.wind),
             ("RISK_COMM", risk.communication),
@@ -137,6 +141,7 @@ class Reports:
             risk=risk.as_dict(),
             weights=asdict(weights),
             position_m=None if pose is None else list(pose.position_m),
+            **({"line_offset_m": list(offset_m)} if any(offset_m) else {}),
         )
 
     def record(self, kind: str, now_s: float, **data: Any) -> None:

@@ -128,6 +128,13 @@ def test_a_line_that_is_too_far_off_holds_the_flight():
     assert desk.state == "flying"
 
 
+def test_the_record_has_the_offset_while_there_is_one():
+    desk = Watched().run(2.0)
+    assert "line_offset_m" not in desk.decided("status")[-1]
+    by_line(desk, *AHEAD_M).run(1.0)
+    assert desk.decided("status")[-1]["line_offset_m"] == pytest.approx(list(AHEAD_M))
+
+
 def test_the_status_has_the_offset_its_covariance_and_what_is_flown_with():
     desk = by_line(Watched().run(2.0), *AHEAD_M).run(1.0)
     status = LatestDecisions().status_of(

@@ -110,3 +110,11 @@ def test_a_flight_without_seen_obstacles_has_a_picture_too(tmp_path, decisions):
     file = tmp_path / "perceived.png"
     draw_perceived(SeenStory.of(decisions), [], SITE, SITE, named_vehicle("x500"), file)
     assert colours_of(file)
+
+
+def test_where_the_line_shows_another_place_the_autopilots_is_drawn_too():
+    by_line = decision(
+        5.0, "status", position_m=[27.0, 0.0, 5.0], line_offset_m=[-1.5, 0.5], risk={}
+    )
+    assert SeenStory.of(DECISIONS).estimates == ()
+    assert SeenStory.of([*DECISIONS, by_line]).estimates == ((28.5, 4.5),)

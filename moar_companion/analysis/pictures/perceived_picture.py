@@ -65,12 +65,14 @@ class FirstSight:
 class SeenStory:
     """Perception of a companion in a flight; times in seconds since its first record.
 
-    solids: outlines as each was reported, in order. places: recorded places of the aircraft.
+    solids: outlines as each was reported, in order. places: recorded places of the aircraft;
+    estimates: the same by the autopilot alone, while the line shows another one.
     """
 
     conductors: tuple[FirstSight, ...]
     solids: tuple[tuple[float, tuple[PlanePoint, ...]], ...]
     places: tuple[tuple[float, PlanePoint], ...]
+    estimates: tuple[PlanePoint, ...]
     states: tuple[tuple[float, str], ...]
 
     @property
@@ -96,6 +98,7 @@ class SeenStory:
         last: dict[str, PlanePoint] = {}
         solids: dict[tuple[PlanePoint, ...], float] = {}
         places: list[tuple[float, PlanePoint]] = []
+        estimates: list[PlanePoint] = []
         states: list[tuple[float, str]] = []
         begin_s: float | None = None
         for decision in decisions:
@@ -112,6 +115,8 @@ class SeenStory:
                 case "status" if data["position_m"] is not None:
                     x_m, _, z_m = data["position_m"]
                     places.append((time_s, (x_m, z_m)))
+                    if (offset_m := data.get("line_offset_m")) is not None:
+                        estimates.append((x_m - offset_m[0], z_m - offset_m[1]))
                 case "state":
                     states.append((time_s, data["state"]))
         return cls(
@@ -123,6 +128,7 @@ class SeenStory:
             ),
             solids=tuple((time_s, outline) for outline, time_s in solids.items()),
             places=tuple(places),
+            estimates=tuple(estimates),
             states=tuple(states),
         )
 
@@ -207,8 +213,11 @@ def _draw_plane(
         times, places = zip(*story.moves, strict=True)
         axes.scatter(
             *np.array(places).T, c=times, cmap=_COLOURS, norm=norm, s=14.0, zorder=5,
-            label="flown, as estimated",
+            label="flown, by the line" if story.estimates else "flown, as estimated",
         )  # fmt: skip
+    if story.estimates:
+        by_autopilot_m = np.array(story.estimates).T
+        axes.plot(*by_autopilot_m, "x", ms=4.0, color="#888888", label="flown, by the autopilot")
     for target in given.targets:
         axes.plot(*target.position_m, "*", ms=13, color=_GIVEN, mec="white", zorder=7)
         label(axes, target.position_m, target.name)
