@@ -14,8 +14,11 @@ from ..texts.text_format import distance
 from ..types import Vector
 from .estimation.plane_to_local import PlaneToLocal
 from .estimation.pose import Jump, Setpoint
+from .estimation.pose_tracker import FOLLOWS_MPS
 from .guidance.path_follower import PathFollower
 from .safety.setpoint_gate import motion_refusal
+
+_ROUNDING_M = 1e-6
 
 
 class SetpointRefusal(NamedTuple):
@@ -173,7 +176,7 @@ class SetpointStreamer:
         """Reason why a setpoint must not follow the last one, or begin the stream.
 
         The vehicle's limits apply in the world and in the autopilot's frame, also when the map
-        between the two moves.
+        between the two moves; not to the slow move by which it follows the line.
         """
         last, drifting_at_m = self._last, flight.drifting_at_m
 
@@ -193,7 +196,11 @@ class SetpointStreamer:
         after_ned_m = plane.position_to_ned(setpoint.position_m)
         if reason is not None or drifting_at_m is not None:
             return reason
-        reason = refused(self._last_ned_m, after_ned_m, None)
+        before_ned_m = plane.position_to_ned(before_m)
+        followed_m = FOLLOWS_MPS * (now_s - self._last_s) + _ROUNDING_M
+        if math.dist(before_ned_m, self._last_ned_m) > followed_m:
+            before_ned_m = self._last_ned_m
+        reason = refused(before_ned_m, after_ned_m, None)
         return None if reason is None else f"NED {reason}"
 
     def _pass(

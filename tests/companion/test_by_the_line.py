@@ -71,6 +71,20 @@ def test_in_flight_the_offset_moves_at_most_as_fast_as_a_drift_and_no_setpoint_j
     assert max(steps_m) < (fastest_mps + 0.3) * STEP_S + 1e-3
 
 
+def test_a_slow_vehicles_setpoints_follow_the_line_too():
+    """Its least speed leaves the check of jumps in the autopilot's frame no room for it."""
+    desk = Watched()
+    desk.companion.state.setpoints._greatest_mps = 0.05
+    desk.companion.state.setpoints._vehicle = replace(
+        desk.vehicle, speed=replace(desk.vehicle.speed, min_mps=0.02)
+    )
+    desk.fly(1.0)
+    desk.companion.state.routes.brake()
+    by_line(desk, *AHEAD_M).run(3.0)
+    assert math.hypot(*off_m(desk)) > 0.6
+    assert not desk.said("jumps")
+
+
 def test_the_setpoint_that_is_sent_has_the_offset_taken_off():
     desk = by_line(Watched().run(2.0), *AHEAD_M).fly(2.0)
     plane, last = desk.companion.state.pose_tracker.plane, desk.setpoints()[-1]

@@ -119,7 +119,7 @@ autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's 
 0.43."""
 _TURN_WITHIN_S = 0.2
 """ATTITUDE comes at 20 Hz or more, on a slow link at 10: over longer times rates are too coarse."""
-_FOLLOWS_MPS = 0.3
+FOLLOWS_MPS = 0.3
 """Greatest speed of the offset in flight: that of a drift. Setpoints move with it."""
 _WINDOW_S = 5.0
 """Length of a window; the latest two count. PX4's simulator clock is 1 % slow: 0.1 s in both."""
@@ -232,7 +232,7 @@ class PoseTracker:
         length_m = math.hypot(*away_m)
         if not length_m:
             return
-        share = 1.0 if at_once else min(1.0, _FOLLOWS_MPS * step_s / length_m)
+        share = 1.0 if at_once else min(1.0, FOLLOWS_MPS * step_s / length_m)
         self._move_offset(share * away_m[0], share * away_m[1])
         self._show()
 
