@@ -12,7 +12,7 @@ from moar_companion.companion.status import LatestDecisions
 from moar_companion.perception.perception_report import LineOffset
 from moar_companion.perception.pose_notes import PositionNote
 
-from .desk import STEP_S
+from .desk import HOLD, STEP_S
 from .watched import Watched
 
 AHEAD_M = (0.9, -0.6)
@@ -73,15 +73,15 @@ def test_in_flight_the_offset_moves_at_most_as_fast_as_a_drift_and_no_setpoint_j
 
 def test_a_slow_vehicles_setpoints_follow_the_line_too():
     """Its least speed leaves the check of jumps in the autopilot's frame no room for it."""
-    desk = Watched()
-    desk.companion.state.setpoints._greatest_mps = 0.05
-    desk.companion.state.setpoints._vehicle = replace(
-        desk.vehicle, speed=replace(desk.vehicle.speed, min_mps=0.02)
-    )
-    desk.fly(1.0)
-    desk.companion.state.routes.brake()
+    desk = Watched().fly(1.0)
+    desk.order(HOLD).run(4.0)
+    assert desk.state == "holding"
+    setpoints = desk.companion.state.setpoints
+    setpoints._greatest_mps = 0.05
+    setpoints._vehicle = replace(desk.vehicle, speed=replace(desk.vehicle.speed, min_mps=0.02))
     by_line(desk, *AHEAD_M).run(3.0)
     assert math.hypot(*off_m(desk)) > 0.6
+    assert desk.state == "holding"
     assert not desk.said("jumps")
 
 
