@@ -124,7 +124,7 @@ class PathSection:
 
 
 @dataclass(slots=True, kw_only=True)  # not frozen: hundreds are made a second
-class Input:
+class RiskInput:
     """Input of a risk index. reading: its value as text. risk: null where it has none now."""
 
     name: str
@@ -136,7 +136,7 @@ class Input:
 
 
 @dataclass(slots=True, kw_only=True)
-class InputEntry(Input):
+class InputEntry(RiskInput):
     """An input, and whether it counts now."""
 
     known: bool

@@ -31,7 +31,7 @@ class Aircraft:
             )
             values = {name: value for name, value in values.items() if name not in self.silent}
             self.telemetry = replace(self.telemetry, **values)
-            self.risk_monitor.judge(self.telemetry, {}, None, self.now_s)
+            self.risk_monitor.judge(self.telemetry, {}, None, None, self.now_s)
         return self.risk_monitor.saturated
 
 

@@ -254,14 +254,27 @@ def test_a_reason_is_reported_while_all_packets_are_refused():
 
 
 @pytest.mark.slow
-def test_a_jump_of_the_estimate_moves_everything_with_it():
+def test_in_the_frame_of_a_line_that_is_known_a_jump_of_the_estimate_moves_nothing():
     scene = LidarScene(wires=(CABLE,), boxes=(CRANE,))
     rig = Rig(scene, HOVER)
     before = last(rig, 1.5)
-    rig.jump((2.05, 0.4, -1.37))
+    rig.jump((2.05, 0.0, -1.37))
     after = last(rig, 1.0)
     assert [each.name for each in after.conductors] == [each.name for each in before.conductors]
-    assert after.conductors[0].position_m == pytest.approx((-4.0 + 2.05, 15.0 - 1.37), abs=0.1)
+    assert after.conductors[0].position_m == pytest.approx((-4.0, 15.0), abs=0.1)
+    assert after.line.offset_m == pytest.approx((-2.05, 1.37), abs=0.1)
+    assert len(after.solids) == len(before.solids)
+    assert solid(after).bounds == pytest.approx(solid(before).bounds, abs=0.31)
+
+
+@pytest.mark.slow
+def test_without_a_line_a_jump_of_the_estimate_moves_everything_with_it():
+    rig = Rig(LidarScene(boxes=(CRANE,)), HOVER)
+    before = last(rig, 1.5)
+    rig.jump((2.05, 0.4, -1.37))
+    after = last(rig, 1.0)
+    assert after.line.seen_s is None
+    assert after.line.offset_m == (0.0, 0.0)
     assert len(after.solids) == len(before.solids)
     bounds = np.array(solid(before).bounds) + np.array([2.05, -1.37, 2.05, -1.37])
     assert solid(after).bounds == pytest.approx(bounds, abs=0.31)

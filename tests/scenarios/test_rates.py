@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.companion import companion
+from moar_companion.companion import cycle_stages
 from moar_companion.service import app
 from moar_companion.settings.config import FASTEST_HZ, SLOWEST_HZ
 from tests.thorough import sampled
@@ -39,5 +39,5 @@ def test_an_inspection_is_flown_at_the_smallest_and_at_the_largest_rate(
 
 def test_a_cycle_may_be_a_period_late_at_the_smallest_rate():
     period_s = 1.0 / SLOWEST_HZ
-    assert 2.0 * period_s <= companion._LONGEST_STEP_S
+    assert 2.0 * period_s <= cycle_stages._LONGEST_STEP_S
     assert 2.0 * period_s <= app._MAX_CYCLE_S

@@ -132,7 +132,7 @@ def test_control_that_is_paused_on_its_escape_route_is_not_sent(
     once, log = iter([[marked, marked]]), []
 
     def two(self):
-        (link,) = self._config.links
+        (link,) = self.state.config.links
         packets = [(link.url, data) for data in next(once, [])]
         log.append("marked" if packets else "empty")
         if packets:

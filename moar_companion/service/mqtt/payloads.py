@@ -25,9 +25,9 @@ from ...status_values import (
     EnergySection,
     HostSection,
     Indices,
-    Input,
     LineEntry,
     LinkSection,
+    RiskInput,
     SupervisionSection,
     Triple,
     WaypointEntry,
@@ -125,7 +125,7 @@ class Risk(Payload):
 class RiskInputs(Payload):
     """Received inputs of the risk indices, by index."""
 
-    inputs: dict[str, list[Input]]
+    inputs: dict[str, list[RiskInput]]
 
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)
