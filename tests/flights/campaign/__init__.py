@@ -36,7 +36,7 @@ judged:
 - keep_out: the hull enters no keep-out of the site file.
 
 Judged on setpoints, while the packets are the autopilot's, in any wind and with any estimate, by
-the obstacles of the companion's site file:
+the obstacles of the companion's site file, and where a lidar shows the line in its frame:
 
 - step: from one setpoint to the next no more than the vehicle's greatest speed (and v_MIN more
   while it moves over to its path) takes it. A reset of the estimate takes it along by as much. So

@@ -69,7 +69,10 @@ def held_wind_mps(manner: Manner) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sent:
-    """A setpoint. reported_m: its place in the site's frame by the autopilot's own estimate."""
+    """A setpoint. reported_m: its place in the site's frame by the autopilot's own estimate.
+
+    With a lidar by that and the offset of the line with which the companion flies.
+    """
 
     time_s: float
     state: str
@@ -443,6 +446,10 @@ class RandomFlight(Lockstep):
         projection, altitude_m = self._origin
         return self._in_site(*projection.reproject(x, y), altitude_m - z)
 
+    def _by_line(self, place_m):
+        (x_m, y_m, z_m), (by_x_m, by_z_m) = place_m, self.companion.state.pose_tracker.offset_m
+        return x_m + by_x_m, y_m, z_m + by_z_m
+
     def _turned(self, north, east):
         return north * self._cos + east * self._sin, north * self._sin - east * self._cos
 
@@ -470,7 +477,7 @@ class RandomFlight(Lockstep):
         flown = self.companion.state.routes.flight
         for item in setpoints:
             message, nav = item.message, self.autopilot.manner.navigation
-            reported_m = self._local_in_site(message.x, message.y, message.z)
+            reported_m = self._by_line(self._local_in_site(message.x, message.y, message.z))
             self.sent.append(
                 Sent(
                     time_s=item.time_s,
@@ -479,7 +486,7 @@ class RandomFlight(Lockstep):
                     local_m=(message.x, message.y, message.z),
                     moves=any((message.vx, message.vy, message.vz)),
                     reported_m=reported_m,
-                    aircraft_m=self._local_in_site(nav.x, nav.y, nav.z),
+                    aircraft_m=self._by_line(self._local_in_site(nav.x, nav.y, nav.z)),
                     position_age_s=self.now_s - self._position_s,
                     mode_age_s=self.now_s - self._mode_s,
                 )
