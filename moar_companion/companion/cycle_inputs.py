@@ -19,9 +19,12 @@ from .mission import state_machine
 from .mission.values import MissionStatus, Situation
 from .mission_states import IN_CONTROL, STREAMING, MissionState
 from .safety.check_inputs import CheckInputs, EscapeRoute
-from .safety.position_checks import widening_m
+from .safety.position_checks import LINE_OFF_M, widening_m
 from .safety.uncertainty_growth import AHEAD_S
 
+_REPORT_MAX_AGE_S, _SEEN_S = 1.0, 1.0
+"""Maximum ages of the perception's report, and of the last scan that showed the line."""
+_UNKNOWN_M = 99.0
 _DEVIATIONS = 2.0
 """Standard deviations of the offset that count: 95 % of each axis."""
 ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
@@ -38,18 +41,32 @@ def tracking_error_m(state: CycleState) -> float | None:
     return math.inf if pose is None else flight.error_m(pose)
 
 
-def place_by_line(state: CycleState) -> PlaceByLine | None:
-    """Place by the line, with its uncertainty; None while nothing is known of it."""
+def line_is_seen(state: CycleState, now_s: float) -> bool:
+    """True while scans show the place by the line, and nothing is against it."""
     report = state.seen_obstacles.report
-    if report is None or report.line.seen_s is None:
+    if report is None or report.line.seen_s is None or report.line.contradicted_s is not None:
+        return False
+    if math.hypot(*report.line.offset_m) > LINE_OFF_M:
+        return False
+    return now_s - report.time_s <= _REPORT_MAX_AGE_S and now_s - report.line.seen_s <= _SEEN_S
+
+
+def place_by_line(state: CycleState, now_s: float) -> PlaceByLine | None:
+    """Place by the line, with its uncertainty; None where the pose has no offset by it.
+
+    Out of sight the pose is the autopilot's with the last offset: that may be wrong by what the
+    estimate has drifted since, or, where it has come back, by the offset itself.
+    """
+    report, offset_m = state.seen_obstacles.report, state.pose_tracker.offset_m
+    if report is None or (report.line.seen_s is None and not any(offset_m)):
         return None
-    x_m2, _, z_m2 = report.line.covariance_m2
-    return PlaceByLine(
-        received_s=report.time_s,
-        uncertainty_m=_DEVIATIONS * math.sqrt(max(x_m2, z_m2)),
-        off_m=state.pose_tracker.lag_m(report.line),
-        wires=report.line.wires,
-    )
+    line = report.line
+    x_m2, _, z_m2 = line.covariance_m2
+    known_m = _DEVIATIONS * math.sqrt(max(x_m2, z_m2)) if line.seen_s is not None else _UNKNOWN_M
+    off_m = state.pose_tracker.lag_m(line) if line.seen_s is not None else 0.0
+    if not line_is_seen(state, now_s):
+        off_m = max(off_m, min(known_m, math.hypot(*offset_m)))
+    return PlaceByLine(received_s=now_s, uncertainty_m=known_m, off_m=off_m, wires=line.wires)
 
 
 def exposure_limit_s(state: CycleState) -> float:

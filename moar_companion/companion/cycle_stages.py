@@ -22,6 +22,7 @@ from .cycle_inputs import (
     check_inputs,
     escapes,
     exposure_limit_s,
+    line_is_seen,
     place_by_line,
     scene,
     situation,
@@ -109,12 +110,16 @@ def _observe(state: CycleState, now_s: float, step_s: float) -> None:
     jump = state.pose_tracker.update(state.telemetry)
     state.seen_obstacles.note_pose(state.telemetry, state.pose_tracker, jump)
     engaged = state.status.state in STREAMING or state.status.state is MissionState.PLANNING
-    state.pose_tracker.follow_line(state.seen_obstacles.line, step_s, at_once=not engaged)
+    followed = state.pose_tracker.follow_line(
+        state.seen_obstacles.line, step_s, fresh=line_is_seen(state, now_s), at_once=not engaged
+    )
+    if followed is not None:
+        state.seen_obstacles.shift(followed)
     site_maps = state.seen_obstacles.taken(now_s)
     if site_maps is not None:
         _take_maps(state, site_maps, now_s)
     state.seen_obstacles.update(now_s, on_ground=grounded(state.telemetry))
-    jumps = () if jump is None else (jump,)
+    jumps = tuple(each for each in (jump, followed) if each is not None)
     for event in (*jumps, *state.session.events_received()):
         _take_event(state, event, now_s)
     routes = state.routes
@@ -183,7 +188,7 @@ def _look_ahead(state: CycleState, now_s: float) -> None:
 def _assess_risk(state: CycleState, now_s: float) -> None:
     """Updates the risk indices from telemetry and the remaining flight."""
     session, error_m = state.session, tracking_error_m(state)
-    parameters, by_line = session.requests.parameters, place_by_line(state)
+    parameters, by_line = session.requests.parameters, place_by_line(state, now_s)
     state.risk_monitor.judge(session.telemetry, parameters, error_m, by_line, now_s)
 
 

@@ -114,8 +114,7 @@ class SeenObstacles:
         if self.settings.sensor is None:
             return
         if jump is not None:
-            right_m, _, up_m = jump.step_m
-            self._before = tuple(item.moved(right_m, up_m) for item in self._before)
+            self.shift(jump)
         position, attitude = telemetry.local_position, telemetry.attitude
         position_boot_s, attitude_boot_s = self._noted
         estimate = tracker.estimate
@@ -127,6 +126,7 @@ class SeenObstacles:
                         time_s=time_s,
                         position_m=estimate.position_m,
                         jumped_m=tracker.jumped_by_m,
+                        offset_m=tracker.offset_m,
                     )
                 )
             position_boot_s = position.boot_s
@@ -151,6 +151,11 @@ class SeenObstacles:
                 self._notes.append(
                     PointsNote(time_s=proximity.received_s, points_m=proximity.points_m)
                 )
+
+    def shift(self, jump: Jump) -> None:
+        """Moves the obstacles of ended processes with a jump of the pose."""
+        right_m, _, up_m = jump.step_m
+        self._before = tuple(item.moved(right_m, up_m) for item in self._before)
 
     def unmapped_s(self, now_s: float) -> float | None:
         """Time for which the maps have lacked an obstacle; None if they have all."""

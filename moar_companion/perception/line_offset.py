@@ -12,14 +12,15 @@ Which sighting is of which wire is decided for a whole scan: the hypothesis with
 are jointly compatible (Neira, Tardos: "Data Association in Stochastic Mapping Using the Joint
 Compatibility Test", IEEE Trans. Robotics and Automation 17, 2001), by branch and bound. Ghosts,
 wires that the site lacks, and one that hangs elsewhere have no pair. Where another hypothesis with
-another offset has as many pairs and is not much less likely, the scan decides nothing.
+another offset costs little more, or that nothing is of the line, the scan decides nothing. Several
+scans in turn have to agree before an unknown offset counts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -55,6 +56,10 @@ _ANOTHER_M = 0.5
 _KNOWN_M = 0.6
 """Standard deviation below which one pair is enough: no other wire hangs so near."""
 _LEAST_PAIRS = 2
+_UNPAIRED, _FEWER = 10.0, 2
+"""Cost of a sighting without a wire, as a squared distance; by how many pairs fewer still count."""
+_AGREE = 5
+"""Number of scans in turn whose offsets agree, before it counts."""
 _MOST_SIGHTINGS = 8
 """Sightings that are matched, the nearest ones: more decide nothing else."""
 _NEAR_M = 10.0
@@ -89,6 +94,8 @@ class LineTracker:
         self._covariance = _unknown()
         self._seen_s: float | None = None
         """Time of the last scan that was matched; None while nothing is known of the offset."""
+        self._agreed: tuple[int, PlanePoint] = (0, (0.0, 0.0))
+        """Number of scans that agreed so far, and their last offset; while it is unknown."""
         self._matched = 0
         self._contradicted_s: float | None = None
 
@@ -116,23 +123,45 @@ class LineTracker:
         """Takes the sightings of a scan. sensor_m: (3,), placed by the estimate as they are."""
         nearest = sorted(found, key=lambda each: each.range_m)[:_MOST_SIGHTINGS]
         places = np.array([each.crossing_m() for each in nearest]).reshape(-1, 2)
-        if self._seen_s is not None and self._covariance_at(time_s)[0, 0] > _LOST_M**2:
-            self._seen_s, self._covariance = None, _unknown()
+        self._forget_by(time_s)
         mean, covariance = self._mean_at(time_s), self._covariance_at(time_s)
         best = self._matched_scan(places, places - sensor_m[[0, 2]], mean, covariance)
-        if best is not None:
+        pairs = 0 if best is None else len(best.pairs)
+        if best is not None and self._agrees(best):
             self._mean, self._covariance = best.mean, best.covariance
-            self._seen_s, self._matched, self._contradicted_s = time_s, len(best.pairs), None
-        elif not self._should_see(sensor_m, len(places)):
+            self._seen_s, self._matched = time_s, pairs
+        if not self._should_see(sensor_m) or pairs >= min(_LEAST_PAIRS, len(places) - 1):
             self._contradicted_s = None
         elif self._contradicted_s is None:
             self._contradicted_s = time_s
 
-    def _should_see(self, sensor_m: FloatArray, count: int) -> bool:
-        """True if one of the sightings should be of a known wire, which hangs close by."""
+    def _agrees(self, best: _Hypothesis) -> bool:
+        """True for a known offset, and where enough scans in turn have shown an unknown one."""
+        if self.is_known:
+            return True
+        place_m = float(best.mean[0]), float(best.mean[1])
+        count, before_m = self._agreed
+        count = count + 1 if math.dist(place_m, before_m) < _ANOTHER_M else 1
+        self._agreed = count, place_m
+        return count >= _AGREE
+
+    def _forget_by(self, time_s: float) -> None:
+        """Forgets an offset that the estimate's drift may have changed by too much."""
+        if self._seen_s is not None and self._covariance_at(time_s)[0, 0] > _LOST_M**2:
+            self._seen_s, self._contradicted_s, self._agreed = None, None, (0, (0.0, 0.0))
+            self._mean[2] = 0.0
+            self._covariance = np.diag([_LOST_M**2, _LOST_M**2, _TURN_RAD**2])
+
+    def place(self, offset_m: PlanePoint) -> None:
+        """Takes the offset that the aircraft is flown with, while none is known here."""
+        if not self.is_known:
+            self._mean = np.array([*offset_m, 0.0])
+
+    def _should_see(self, sensor_m: FloatArray) -> bool:
+        """True if a sighting should be of a known wire, which hangs close by."""
         here_m = (sensor_m[0] + self._mean[0], sensor_m[2] + self._mean[1])
         near = any(math.dist(here_m, wire_m) < _NEAR_M for wire_m in self._wires_m)
-        return near and self.is_known and count >= _LEAST_PAIRS
+        return near and self.is_known
 
     def learn(self, wires_m: Iterable[PlanePoint], time_s: float) -> None:
         """Takes wires in the line's frame that were seen often; none where the site has its own."""
@@ -153,6 +182,7 @@ class LineTracker:
 
     def report(self, time_s: float, jumped_m: Vector) -> LineOffset:
         """The offset with its covariance at a time. jumped_m: jumps of the estimate so far."""
+        self._forget_by(time_s)
         covariance = self._covariance_at(time_s) + np.eye(3) * _SURVEY_M**2
         return LineOffset(
             offset_m=self.offset_m,
@@ -179,19 +209,21 @@ class LineTracker:
 
     def _turn_kept(self, time_s: float) -> float:
         """Share of the attitude's error that is left: it tends to none."""
-        return 1.0 if self._seen_s is None else math.exp(-(time_s - self._seen_s) / _TURN_S)
+        return 1.0 if self._seen_s is None else math.exp(-max(0.0, time_s - self._seen_s) / _TURN_S)
 
     def _matched_scan(
         self, places: FloatArray, beside: FloatArray, mean: FloatArray, covariance: FloatArray
     ) -> _Hypothesis | None:
         """The hypothesis of a scan; None where no or no clear one has pairs enough."""
         wires = np.array(self._wires_m).reshape(-1, 2)
-        found = _Search(places, beside, wires).best(mean, covariance)
+        nothing = _Hypothesis(
+            pairs=(), squared=_UNPAIRED * len(places), mean=mean, covariance=covariance
+        )
+        found = _Search(places, beside, wires).costs(mean, covariance)
+        best, *others = sorted((*found, nothing), key=lambda each: each.squared)
         known = math.sqrt(max(covariance[0, 0], covariance[1, 1])) < _KNOWN_M
-        enough = 1 if known or len(wires) == 1 else _LEAST_PAIRS
-        if not found or len(found[0].pairs) < enough:
+        if len(best.pairs) < (1 if known or len(wires) == 1 else _LEAST_PAIRS):
             return None
-        best, *others = found
         for other in others:
             elsewhere = math.dist(best.mean[:2], other.mean[:2]) > _ANOTHER_M
             if elsewhere and other.squared - best.squared < _CLEARER:
@@ -215,18 +247,23 @@ class _Search:
         self._most = 0
         self._found: list[_Hypothesis] = []
 
-    def best(self, mean: FloatArray, covariance: FloatArray) -> list[_Hypothesis]:
-        """The hypotheses with the most pairs, the likeliest first; empty without any pair."""
+    def costs(self, mean: FloatArray, covariance: FloatArray) -> list[_Hypothesis]:
+        """The hypotheses with nearly the most pairs; `squared` has the cost of what is unpaired."""
         begin = _Hypothesis(pairs=(), squared=0.0, mean=mean, covariance=covariance)
         self._extend(begin, 0)
-        whole = [each for each in self._found if len(each.pairs) == self._most]
-        return sorted(whole, key=lambda each: each.squared)
+        count = len(self._places)
+        return [
+            replace(each, squared=each.squared + _UNPAIRED * (count - len(each.pairs)))
+            for each in self._found
+            if len(each.pairs) >= max(1, self._most - _FEWER)
+        ]
 
     def _extend(self, so_far: _Hypothesis, index: int) -> None:
-        if len(so_far.pairs) + len(self._places) - index < max(self._most, 1):
+        least = max(1, self._most - _FEWER)
+        if len(so_far.pairs) + len(self._places) - index < least:
             return
         if index == len(self._places):
-            self._most = len(so_far.pairs)
+            self._most = max(self._most, len(so_far.pairs))
             self._found.append(so_far)
             return
         taken = {wire for _, wire in so_far.pairs}

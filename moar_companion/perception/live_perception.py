@@ -119,9 +119,16 @@ class LivePerception:
         self.late = 0
 
     def note_position(
-        self, time_s: float, position_m: Vector, jumped_m: Vector = (0.0, 0.0, 0.0)
+        self,
+        time_s: float,
+        position_m: Vector,
+        jumped_m: Vector = (0.0, 0.0, 0.0),
+        offset_m: PlanePoint = (0.0, 0.0),
     ) -> None:
-        """Position in the site's frame at a time. jumped_m: sum of the estimate's jumps so far."""
+        """Position in the site's frame at a time. jumped_m: sum of the estimate's jumps so far.
+
+        offset_m: of the line's frame as it is flown with.
+        """
         if self._jumped_m is None:
             self._jumped_m = jumped_m
         if jumped_m != self._jumped_m:
@@ -130,6 +137,7 @@ class LivePerception:
             )
             self._jumped_m = jumped_m
             self.shift((x_m, y_m, z_m))
+        self._line.place(offset_m)
         self._poses.note_position(time_s, position_m)
 
     def note_attitude(
@@ -257,7 +265,8 @@ class LivePerception:
         self._returns = min(float(outside.sum()) / max(scan.beams, 1), 1.0)
         echoes, ring = narrow_echoes(points, sensors, scan.ring, scan.time_s)
         found = sightings(echoes, ring, sensor, _ACROSS, self._random)
-        self._line.step(found, sensor, time_s)
+        if self._settings.fly_by_line:
+            self._line.step(found, sensor, time_s)
         step = self._to_line()
         points = self._line.placed(points, sensors)
         found = [
@@ -273,7 +282,7 @@ class LivePerception:
         solid = near & ~_ground(points, distance) & ~self._tracks.own(points, time_s)
         self._occupancy.add(rays, points, solid, time_s, beams=scan.beams, echoes=2)
         often = [each for each in self._tracks.conductors if each.sightings >= _OFTEN]
-        if often:
+        if often and self._settings.fly_by_line:
             self._line.learn((each.position_m for each in often), time_s)
         return True
 

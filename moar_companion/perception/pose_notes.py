@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..planner.site import PlanePoint
 from ..types import Vector
 
 
@@ -12,12 +13,13 @@ class PositionNote:
     """LOCAL_POSITION_NED in the site's frame, at its time on the companion's clock.
 
     jumped_m: sum of all jumps of the estimate so far; tracks and cells move with it. A sum stays
-    right after lost notes.
+    right after lost notes. offset_m: of the line's frame, that the aircraft is flown with.
     """
 
     time_s: float
     position_m: Vector
     jumped_m: Vector = (0.0, 0.0, 0.0)
+    offset_m: PlanePoint = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

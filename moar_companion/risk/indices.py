@@ -103,8 +103,14 @@ class RiskEstimate:
 
     @cached_property
     def position_uncertainty_m(self) -> float | None:
-        """Position uncertainty: the greatest of `position_accuracies`; None without one."""
-        return max((item.value or 0.0 for item in self.position_accuracies), default=None)
+        """Position uncertainty: the greatest of `position_accuracies`; None without one.
+
+        The way to the place by the line that is not flown yet is added.
+        """
+        worst_m = max((item.value or 0.0 for item in self.position_accuracies), default=None)
+        if worst_m is None or not self._known_now((OFF_LINE,)):
+            return worst_m
+        return worst_m + (self.last_known["localization"][OFF_LINE].value or 0.0)
 
     @cached_property
     def position_accuracies(self) -> tuple[InputReport, ...]:
@@ -121,10 +127,10 @@ class RiskEstimate:
         autopilot = self._autopilot_accuracies(reported)
         if not self._known_now((BY_LINE,)):
             return autopilot
-        by_line, off_line = reported[BY_LINE], reported[OFF_LINE]
+        by_line = reported[BY_LINE]
         # Out of its sight the place by the line becomes less certain than the autopilot's.
         worst_m = max((item.value or 0.0 for item in autopilot), default=math.inf)
-        return (off_line, *((by_line,) if (by_line.value or 0.0) < worst_m else autopilot))
+        return (by_line,) if (by_line.value or 0.0) < worst_m else autopilot
 
     def _autopilot_accuracies(self, reported: Mapping[str, InputReport]) -> tuple[InputReport, ...]:
         level = _ESTIMATOR if self._known_now(_ESTIMATOR) else _LEVEL

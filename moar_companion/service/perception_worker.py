@@ -35,7 +35,7 @@ def apply(perception: LivePerception, note: PoseNote) -> None:
     """Applies a note to the perception."""
     match note:
         case PositionNote():
-            perception.note_position(note.time_s, note.position_m, note.jumped_m)
+            perception.note_position(note.time_s, note.position_m, note.jumped_m, note.offset_m)
         case AttitudeNote():
             perception.note_attitude(note.time_s, note.roll_rad, note.pitch_rad, note.yaw_rad)
         case PointsNote(time_s=time_s, points_m=points_m):

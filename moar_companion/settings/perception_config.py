@@ -54,6 +54,9 @@ class Perception:
     metadata: Path | None = None
     """Description of an Ouster, the `.json` of its web page."""
     mount: SensorMount = field(default_factory=SensorMount)
+    fly_by_line: bool = False
+    """The flight is in the frame of the line's wires, as the lidar sees them, and not where the
+    autopilot's estimate has them. Not by default: its trials are not complete."""
     keep_out_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
     """Keep-out of obstacles that the site file lacks."""
     gate_m: Annotated[float, Field(gt=0.0, le=1e6)] = 2.0

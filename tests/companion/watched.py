@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from moar_companion.settings.perception_config import Perception, Sensor
 from tests.companion.desk import INSPECTION, STEP_S, USER_1, Desk, usual_planner
 from tests.companion.scripted_autopilot import OFFBOARD
 
-SETTINGS = Perception(sensor=Sensor.VELODYNE)
+SETTINGS = Perception(sensor=Sensor.VELODYNE, fly_by_line=True)
 
 
 def conductor(x_m, z_m, name="seen-1"):
@@ -35,11 +36,13 @@ class Watched(Desk):
         # Seen obstacles must not change the maps of other tests.
         super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
         self.conductors, self.solids, self.line = (), (), LineOffset()
-        self.works = self.scans = True
+        self.works = self.scans = self.sees_line = True
         self.began_s = 0.0
         self.notes = []
 
     def step(self, seconds=STEP_S):
+        if self.line.seen_s is not None and self.sees_line:
+            self.line = replace(self.line, seen_s=self.now_s)
         if self._count % 5 == 0 and self.works:
             self.companion.perceived(
                 PerceptionReport(

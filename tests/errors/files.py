@@ -147,6 +147,7 @@ COMPANION: dict[str, Any] = {
         "metadata": "lidar.json",
         "mount": {"position_m": [0.1, 0.0, 0.2], "roll_pitch_yaw_deg": [-90.0, 0.0, 0.0]},
         "keep_out_m": 0.5,
+        "fly_by_line": False,
         "gate_m": 2.0,
         "moved_m": 0.5,
         "sight_m": 8.0,

@@ -256,7 +256,7 @@ def test_a_reason_is_reported_while_all_packets_are_refused():
 @pytest.mark.slow
 def test_in_the_frame_of_a_line_that_is_known_a_jump_of_the_estimate_moves_nothing():
     scene = LidarScene(wires=(CABLE,), boxes=(CRANE,))
-    rig = Rig(scene, HOVER)
+    rig = Rig(scene, HOVER, settings=replace(VELODYNE, fly_by_line=True))
     before = last(rig, 1.5)
     rig.jump((2.05, 0.0, -1.37))
     after = last(rig, 1.0)
@@ -268,8 +268,10 @@ def test_in_the_frame_of_a_line_that_is_known_a_jump_of_the_estimate_moves_nothi
 
 
 @pytest.mark.slow
-def test_without_a_line_a_jump_of_the_estimate_moves_everything_with_it():
-    rig = Rig(LidarScene(boxes=(CRANE,)), HOVER)
+@pytest.mark.parametrize(("by_line", "wires"), [(True, ()), (False, (CABLE,))])
+def test_without_a_line_a_jump_of_the_estimate_moves_everything_with_it(by_line, wires):
+    settings = replace(VELODYNE, fly_by_line=by_line)
+    rig = Rig(LidarScene(wires=wires, boxes=(CRANE,)), HOVER, settings=settings)
     before = last(rig, 1.5)
     rig.jump((2.05, 0.4, -1.37))
     after = last(rig, 1.0)

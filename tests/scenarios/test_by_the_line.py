@@ -9,6 +9,7 @@ import pytest
 
 from moar_companion.planner.site import Site
 from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.perception_config import Perception, Sensor
 from sitl.demonstration.perceive import lidar_scene
 from sitl.geodesy import Geodetic, TrueFrame
 
@@ -89,6 +90,7 @@ def hovering(manner=Manner.PX4):
         manner=manner,
         options={"yaw_deg": SITE.frame.azimuth_deg},
         lidar_scene=lidar_scene(SITE),
+        perception=Perception(sensor=Sensor.VELODYNE, fly_by_line=True),
     )
     flight.blind = True
     flight.take_off()

@@ -121,6 +121,8 @@ _TURN_WITHIN_S = 0.2
 """ATTITUDE comes at 20 Hz or more, on a slow link at 10: over longer times rates are too coarse."""
 FOLLOWS_MPS = 0.3
 """Greatest speed of the offset in flight: that of a drift. Setpoints move with it."""
+_SLOWLY_M = 0.5
+"""Greatest change of the offset that is followed slowly."""
 _WINDOW_S = 5.0
 """Length of a window; the latest two count. PX4's simulator clock is 1 % slow: 0.1 s in both."""
 _MOST_JUMPS = 100
@@ -220,21 +222,26 @@ class PoseTracker:
         """Pose by the autopilot alone, in the site's frame as surveyed."""
         return self._pose
 
-    def follow_line(self, line: LineOffset, step_s: float, *, at_once: bool) -> None:
-        """Moves the offset to where the line shows it: in flight slowly, at once otherwise.
+    def follow_line(
+        self, line: LineOffset, step_s: float, *, fresh: bool, at_once: bool
+    ) -> Jump | None:
+        """Moves the offset to where the line shows it; returns the jump of the pose by it.
 
-        While nothing is known of it the last one stays.
+        In flight a small change is followed slowly. A larger one is taken as a jump of the site's
+        frame: nothing moves in the autopilot's. fresh: the line is seen now; otherwise the last
+        offset stays.
         """
-        self._by_line = line.seen_s is not None
-        if not self._by_line:
-            return
+        self._by_line = fresh
         away_m = self._away_m(line)
         length_m = math.hypot(*away_m)
-        if not length_m:
-            return
-        share = 1.0 if at_once else min(1.0, FOLLOWS_MPS * step_s / length_m)
+        if not fresh or not length_m:
+            return None
+        whole = at_once or length_m > _SLOWLY_M
+        share = 1.0 if whole else min(1.0, FOLLOWS_MPS * step_s / length_m)
         self._move_offset(share * away_m[0], share * away_m[1])
         self._show()
+        step_m = (away_m[0], 0.0, away_m[1])
+        return Jump(step_m=step_m, origin_step_m=step_m) if whole else None
 
     def lag_m(self, line: LineOffset) -> float:
         """Distance from the offset to where the line shows it."""
@@ -378,9 +385,10 @@ class PoseTracker:
         return step_m
 
     def _note_jump(self, time_s: float, step_m: Vector) -> None:
-        """Notes a jump of which the line does not show how far it is wrong."""
-        if not self._by_line:
-            self._jumps.append((time_s, math.hypot(*step_m)))
+        """Notes a jump; by the line, which shows the others, that across the plane alone."""
+        length_m = abs(step_m[1]) if self._by_line else math.hypot(*step_m)
+        if length_m:
+            self._jumps.append((time_s, length_m))
 
     def _plane_to_local(self, telemetry: Telemetry) -> PlaneToLocal | None:
         """Returns the map; makes a new one when the estimator's origin moves."""

@@ -588,8 +588,8 @@ CONDITIONS = (
         "the sensor measures is where the others show the line",
         cause=lambda look: position_checks.line(look.seen, look.now_s),
         action=Action.HOLD,
-        over_s=2.0,
-        override=Override.SAFER,
+        latched=True,
+        override=Override.ORDER,
         texts=(
             "line off by {6.3|99999} m > 6",
             "wires off the line for {2.1|999} s > 2",

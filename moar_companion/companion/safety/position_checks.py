@@ -26,7 +26,7 @@ from .uncertainty_growth import AHEAD_S
 
 _READ_LATE_S = 0.2
 """Wait for reading above which late data is caused by the companion, not by the network."""
-_LINE_OFF_M = 6.0
+LINE_OFF_M = 6.0
 """Greatest offset of the line: PX4's estimates were off by up to 1.7 m, a GPS that was pushed by
 4.5 m. Beyond it the wrong wires may have been matched."""
 _LINE_FITS_S = 2.0
@@ -83,7 +83,7 @@ def line(seen: CheckInputs, now_s: float) -> str | None:
     if seen.line.seen_s is None:
         return None
     since_s = seen.line.contradicted_s
-    off = exceeds("line off by", math.hypot(*seen.line.offset_m), _LINE_OFF_M, "m")
+    off = exceeds("line off by", math.hypot(*seen.line.offset_m), LINE_OFF_M, "m")
     return off or exceeds(
         "wires off the line for", 0.0 if since_s is None else now_s - since_s, _LINE_FITS_S, "s"
     )
