@@ -46,7 +46,7 @@ from .mission.values import (
     Task,
     Verdict,
 )
-from .mission_states import IN_CONTROL, STREAMING, MissionState
+from .mission_states import ENGAGED, IN_CONTROL, STREAMING, MissionState
 from .operator_commands import Refused, understood, words
 from .plan_requests import Awaited
 from .planning.plan_jobs import PlanAnswer
@@ -109,7 +109,7 @@ def _observe(state: CycleState, now_s: float, step_s: float) -> None:
     state.faults.note_pause(paused_s, state.config.supervision.position_timeout_s)
     jump = state.pose_tracker.update(state.telemetry)
     state.seen_obstacles.note_pose(state.telemetry, state.pose_tracker, jump)
-    engaged = state.status.state in STREAMING or state.status.state is MissionState.PLANNING
+    engaged = state.status.state in ENGAGED
     followed = state.pose_tracker.follow_line(
         state.seen_obstacles.line, step_s, fresh=line_is_seen(state, now_s), at_once=not engaged
     )
@@ -399,7 +399,7 @@ def _route(state: CycleState, now_s: float) -> None:
 def _follow(state: CycleState, now_s: float, step_s: float) -> None:
     """Flies on along the route and sends the gated setpoint. step_s: since the last cycle."""
     _stream(state, now_s, step_s)
-    engaged = state.status.state in STREAMING or state.status.state is MissionState.PLANNING
+    engaged = state.status.state in ENGAGED
     telemetry = state.telemetry
     known = state.status.known if state.status.order_id is not None else ()
     stations = telemetry.ground_stations.values()

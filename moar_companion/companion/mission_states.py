@@ -41,3 +41,5 @@ IN_CONTROL = frozenset(
 
 STREAMING = IN_CONTROL | {MissionState.READY}
 """States in which setpoints are sent."""
+ENGAGED = STREAMING | {MissionState.PLANNING}
+"""States in which a task is flown, offered or planned."""

@@ -36,6 +36,7 @@ _MOVED_M = 0.15
 """Least move of a conductor that changes its place on the maps: the accuracy of its place."""
 _RADIUS_M = 0.02
 """Radius of a seen conductor; the keep-out is far greater."""
+_NO_LINE = LineOffset()
 _MOST_NOTES = 200
 """Maximum number of kept notes: two seconds of poses."""
 
@@ -87,7 +88,7 @@ class SeenObstacles:
     @property
     def line(self) -> LineOffset:
         """Offset of the line's frame; unknown without a sensor."""
-        return LineOffset() if self.report is None else self.report.line
+        return _NO_LINE if self.report is None else self.report.line
 
     def take(self, report: PerceptionReport) -> None:
         """Takes a report, for the next cycle."""

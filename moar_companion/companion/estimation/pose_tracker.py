@@ -232,9 +232,11 @@ class PoseTracker:
         offset stays.
         """
         self._by_line = fresh
+        if not fresh:
+            return None
         away_m = self._away_m(line)
         length_m = math.hypot(*away_m)
-        if not fresh or not length_m:
+        if not length_m:
             return None
         whole = at_once or length_m > _SLOWLY_M
         share = 1.0 if whole else min(1.0, FOLLOWS_MPS * step_s / length_m)

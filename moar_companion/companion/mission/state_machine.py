@@ -17,7 +17,7 @@ from dataclasses import replace
 from ...texts import pilot_texts, service_texts
 from ...texts.text_format import limit_text
 from ...types import Mission
-from ..mission_states import IN_CONTROL, STREAMING, MissionState
+from ..mission_states import ENGAGED, IN_CONTROL, STREAMING, MissionState
 from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
 from .state_changes import answer_cancelled, answer_rejected, end_stream, enter, entered
@@ -103,7 +103,7 @@ def command(
         # The mode may have been given and not yet received: the stream must not end.
         ready = replace(status, hold_ordered=True, requested=None)
         return ready, (*replaced, FlightEffect.BRAKE, done, SendText(pilot_texts.READY_TO_HOLD()))
-    if status.state in STREAMING or status.state is MissionState.PLANNING:
+    if status.state in ENGAGED:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
         reason = pilot_texts.ON_COMMAND(order=order.value)
         silent, effects = end_stream(status, rest, reason, now_s, last_setpoint=True)
@@ -220,7 +220,7 @@ def tick(
         return replace(status, task=None, landed=True), ()
     if state is MissionState.OVERRIDDEN:
         return _overridden(status, world, resume=resume, now_s=now_s)
-    if state not in STREAMING and state is not MissionState.PLANNING:
+    if state not in ENGAGED:
         return status, ()
     leading = ruling.leading
     if leading is not None and ruling.action is Action.RELEASE:
