@@ -26,7 +26,8 @@ _WIDE = 120
 _LEFT_WIDTH = 52
 """Least width of the rest beside the risks."""
 _TALL_WIDE, _TALL = 34, 48
-"""Height, wide or not, with room for every input; below it most rows are one line."""
+"""Height, wide or not, with room for every input. Below it most rows are one line, and
+nothing divides a page that is not wide, except for its notes."""
 _LABEL_WIDTH = 14
 _BAR_WIDTH, _SHORT_BAR_WIDTH = 20, 12
 """The short bar: risks on half a page, each beside its deciding input."""
@@ -68,7 +69,8 @@ class LiveView:
         state = _rows([*_mission(status), *_aircraft(status)], wrap=full or wide)
         work = _rows(_work(status, full=full), wrap=full)
         yield _head(status, silence_of(self._silent_s))
-        yield Rule(style="dim")
+        if full or wide:
+            yield Rule(style="dim")
         if wide:
             # Text at the left can be wrapped; names of inputs cannot.
             needed = Measurement.get(console, options, risk).maximum
@@ -80,7 +82,8 @@ class LiveView:
             columns.add_row(Group(state, Text(), work), risk)
             yield columns
         else:
-            yield Group(state, Text(), risk, Text(), work)
+            gap = [Text()] if full else []
+            yield Group(state, *gap, risk, *gap, work)
         if self._notes:
             yield Rule(style="dim")
             yield from (Text(printable(note), no_wrap=True) for note in self._notes)

@@ -106,6 +106,25 @@ UNKNOWN = {
     "age_s": dict.fromkeys(FLYING["age_s"]),
     "recorder": None,
 }
+SEEING = FLYING | {
+    "refused": {"serial": {"unsigned": 3}},
+    "perception": {
+        "conductors": [{}] * 6,
+        "solids": 2,
+        "refusal": None,
+        "scan_age_s": 0.1,
+        "returns": 0.42,
+        "refused": 0,
+        "late": 0,
+        "line": {
+            "age_s": 0.2,
+            "offset_m": [1.21, -0.34],
+            "covariance_m2": [0.01, 0.0, 0.02],
+            "wires": 5,
+        },
+    },
+}
+"""With a lidar and signed links: the most rows."""
 
 
 def page(status, width=80, height=24, *, terminal=True, **named):
@@ -128,7 +147,7 @@ def changed(status, section, **values):
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (80, 60), (120, 24), (140, 40), (250, 70)])
-@pytest.mark.parametrize("status", [FLYING, UNKNOWN], ids=["flying", "unknown"])
+@pytest.mark.parametrize("status", [FLYING, UNKNOWN, SEEING], ids=["flying", "unknown", "seeing"])
 def test_the_page_fits_its_terminal_with_three_notes(status, width, height):
     lines = page(status, width, height, notes=["one", "two", "three"]).splitlines()
     assert max(map(len, lines)) <= width
