@@ -22,12 +22,12 @@ from ..settings.vehicle import Vehicle
 from . import cycle_stages
 from .cycle_state import CycleState
 from .estimation.pose import Pose
-from .estimation.pose_tracker import SiteMaps
 from .intake import Arrival, Intake
 from .mission.values import MissionStatus
 from .mission_snapshot import MissionSnapshot
 from .planning.map_jobs import MapAnswer, MapJob
 from .planning.plan_jobs import PlanAnswer, PlanJob
+from .planning.site_maps import SiteMaps
 from .reports import Decision
 from .safety.check_inputs import Host
 from .safety.supervisor import Ruling

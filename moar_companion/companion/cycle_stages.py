@@ -29,8 +29,8 @@ from .cycle_inputs import (
     tracking_error_m,
 )
 from .cycle_state import CycleState
+from .estimation.landed_state import grounded
 from .estimation.pose import Jump
-from .estimation.pose_tracker import SiteMaps, grounded
 from .guidance.splice import Adoption
 from .mission import state_machine
 from .mission.values import (
@@ -50,6 +50,7 @@ from .mission_states import ENGAGED, IN_CONTROL, STREAMING, MissionState
 from .operator_commands import Refused, understood, words
 from .plan_requests import Awaited
 from .planning.plan_jobs import PlanAnswer
+from .planning.site_maps import SiteMaps
 from .safety.condition_types import Action
 from .safety.position_checks import widening_m
 

@@ -20,11 +20,12 @@ from ..texts import pilot_texts
 from ..texts.text_format import plural
 from ..types import AutopilotKind
 from .estimation.pose import Pose
-from .estimation.pose_tracker import PoseTracker, SiteMaps
+from .estimation.pose_tracker import PoseTracker
 from .estimation.site_fence import SiteFence, fenced
 from .guidance.flight_volume import FlightVolume
 from .guidance.path_follower import PathFollower
 from .offboard_loss_check import OffboardLossCheck
+from .planning.site_maps import SiteMaps
 from .reports import Reports
 from .safety.failsafe_exposure import FailsafeExposure
 

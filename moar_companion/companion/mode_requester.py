@@ -9,7 +9,7 @@ from ..mavlink.session import Session, Severity
 from ..mavlink.telemetry import AutopilotStatus, Telemetry
 from ..settings.config import Authority
 from ..texts import pilot_texts
-from .estimation.pose_tracker import grounded
+from .estimation.landed_state import grounded
 from .mission.values import MissionStatus
 from .mission_states import IN_CONTROL, MissionState
 from .reports import Reports

@@ -20,11 +20,11 @@ from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts
 from ..types import AutopilotKind, Mission, Vector
 from .estimation.pose import home_moved
-from .estimation.pose_tracker import SiteMaps
 from .guidance.path_follower import PathFollower
 from .guidance.trajectory import FloatArray
 from .plan_requests import Awaited
 from .planning.plan_jobs import PlanAnswer
+from .planning.site_maps import SiteMaps
 from .reports import Reports
 from .safety.failsafe_paths import Hit, failsafe_hit, loss_objection
 from .safety.refuges import unprotected

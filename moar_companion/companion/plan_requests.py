@@ -20,10 +20,10 @@ from ..settings.config import Replanning
 from ..texts import pilot_texts
 from ..texts.text_format import seconds
 from ..types import RiskIndices
-from .estimation.pose_tracker import SiteMaps
 from .guidance.splice import Splice
 from .mission.values import Task
 from .planning.plan_jobs import PlanAnswer, PlanJob
+from .planning.site_maps import SiteMaps
 
 _ANSWER_TIMEOUT_S = 5.0
 """Plans take milliseconds: a planner without an answer for this long has failed."""

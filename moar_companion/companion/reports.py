@@ -31,8 +31,8 @@ from ..status_values import json_dict
 from ..texts import pilot_texts, service_texts
 from ..texts.text_format import coordinate, distance, limit_text, pilot_text, plural, seconds
 from ..types import Mission, RiskIndices, Weights
+from .estimation.landed_state import airborne, grounded
 from .estimation.pose import Pose
-from .estimation.pose_tracker import airborne, grounded
 from .mission_snapshot import MissionSnapshot
 from .mission_states import MissionState
 from .plan_requests import Awaited

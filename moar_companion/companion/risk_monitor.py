@@ -17,7 +17,7 @@ from ..settings.vehicle import Vehicle
 from ..status_values import EnergySection
 from ..types import Vector
 from .contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
-from .estimation.pose_tracker import grounded
+from .estimation.landed_state import grounded
 from .guidance.flight_volume import FlightVolume
 from .planning.plan_jobs import PlanAnswer, PlanJob
 from .safety.check_inputs import EscapeRoute

@@ -18,7 +18,6 @@ from ..texts import pilot_texts
 from ..texts.text_format import reason_chars, short_name
 from ..types import Mission, RiskIndices, Vector
 from .estimation.pose import Pose
-from .estimation.pose_tracker import SiteMaps
 from .flight_limits import FlightLimits
 from .guidance.path_follower import PathFollower
 from .guidance.splice import Adoption
@@ -26,6 +25,7 @@ from .mission.values import Task
 from .plan_inflation import PlanInflation
 from .plan_requests import Awaited, PlanBasis, PlanRequests, replan_reason, stays
 from .planning.plan_jobs import PlanAnswer, PlanJob
+from .planning.site_maps import SiteMaps
 from .reports import PlanReports, Reports
 
 _NO_PATH_ROUND = "no path round "

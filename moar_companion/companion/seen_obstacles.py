@@ -25,8 +25,9 @@ from ..settings.perception_config import Perception, Sensor
 from ..texts import pilot_texts
 from ..texts.text_format import coordinate, distance
 from .estimation.pose import Jump
-from .estimation.pose_tracker import PoseTracker, SiteMaps
+from .estimation.pose_tracker import PoseTracker
 from .planning.map_jobs import MapAnswer, MapJob
+from .planning.site_maps import SiteMaps
 from .reports import Reports
 
 _APART_M, _SAME_PLACE_M = 0.25, 0.15

@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..companion.companion import Companion
 from ..companion.error_margin import flown_site, sighted
-from ..companion.estimation.pose_tracker import SiteMaps
 from ..companion.intake import Arrival
 from ..companion.planning.map_jobs import MapAnswer
+from ..companion.planning.site_maps import SiteMaps
 from ..companion.safety.check_inputs import Host
 from ..companion.safety.file_faults import FileFault, words
 from ..companion.status import LatestDecisions

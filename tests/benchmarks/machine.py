@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from moar_companion.companion.companion import Companion
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.mavlink.session import Session
 from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.planner import Planner

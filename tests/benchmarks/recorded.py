@@ -18,7 +18,7 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.companion.status import LatestDecisions
 from moar_companion.service.recorder import NO_LIMITS, Recorder
 from moar_companion.service.recording.calls import Call

@@ -16,10 +16,10 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.planning.map_jobs import MapAnswer, answer_map_job
 from moar_companion.companion.planning.plan_jobs import PlanAnswer, answer_job
 from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.mavlink.autopilots import kind_of, profile
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.mission.state_machine import MissionState, Task
 from moar_companion.companion.mission_snapshot import MissionSnapshot
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.planner.site import Site
 from moar_companion.settings.config import Authority, shipped_configs
 from moar_companion.types import Mission

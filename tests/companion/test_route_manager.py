@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import pytest
 
 from moar_companion.companion.estimation.pose import Pose
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.guidance.splice import Adoption
 from moar_companion.companion.mission.values import Task
 from moar_companion.companion.planning.plan_jobs import answer_job
 from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.companion.route_manager import RouteManager
 from moar_companion.mavlink.autopilots import profile
 from moar_companion.mavlink.autopilots.parameter_names import Parameters

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.mission.values import Task
 from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.companion.mission_states import MissionState
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.perception.perception_report import PerceptionReport, SensorHealth
 from moar_companion.settings.config import Authority, Supervision
 from moar_companion.settings.perception_config import Perception, Sensor

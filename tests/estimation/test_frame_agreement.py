@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.companion.estimation.pose_tracker import FrameAgreement
+from moar_companion.companion.estimation.frame_agreement import FrameAgreement
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.telemetry import (

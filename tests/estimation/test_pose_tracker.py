@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.companion.estimation.pose import Pose
-from moar_companion.companion.estimation.pose_tracker import PoseTracker, SiteMaps
+from moar_companion.companion.estimation.pose_tracker import PoseTracker
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.telemetry import LocalPosition, Telemetry

@@ -14,11 +14,11 @@ from typing import Any
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.error_margin import flown_site, sighted
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.companion.planning.map_jobs import MapJob, answer_map_job
 from moar_companion.companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.companion.reports import Decision
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner

@@ -25,8 +25,8 @@ from random import Random
 import numpy as np
 
 from moar_companion.companion.companion import Companion
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
 from moar_companion.companion.intake import BUDGET_BYTES, LEAST_BYTES
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey, timestamp_at
 from moar_companion.service.recording.calls import RecordedCompanion

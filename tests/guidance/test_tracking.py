@@ -1,4 +1,4 @@
-"""Tracking: the setpoint never jumps, waits for the aircraft, arrives, and turns slowly."""
+"""Tracking: the setpoint never jumps, waits for the aircraft, and arrives."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.companion.guidance.tracking import Reference, advanced, turned
+from moar_companion.companion.guidance.tracking import Reference, advanced
 from moar_companion.companion.guidance.trajectory import make_trajectory
 from moar_companion.settings.vehicle import Guidance
 
@@ -167,36 +167,3 @@ def test_an_aircraft_that_follows_arrives_on_any_path(walk, acceleration):
 
 
 # Heading ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("case", "yaw_deg", "wanted_deg", "after_deg"),
-    [
-        ("to the right", 0.0, 90.0, 10.0),
-        ("to the left", 0.0, -90.0, -10.0),
-        ("over south the short way", 175.0, -175.0, -175.0),
-        ("over south, farther than a step", 175.0, -160.0, -175.0),
-        ("over south the other way", -175.0, 160.0, 175.0),
-        ("near enough for one step", 20.0, 25.0, 25.0),
-        ("there already", 42.0, 42.0, 42.0),
-        ("a turn too many is none", 0.0, 365.0, 5.0),
-    ],
-)
-def test_the_heading_turns_in_the_shorter_direction(case, yaw_deg, wanted_deg, after_deg):
-    after = turned(math.radians(yaw_deg), math.radians(wanted_deg), math.radians(10.0))
-    assert math.remainder(after - math.radians(after_deg), math.tau) == pytest.approx(0.0, abs=1e-9)
-
-
-@properties
-@given(
-    yaw=st.floats(-math.pi, math.pi),
-    wanted=st.floats(-10.0, 10.0),
-    greatest=st.floats(0.001, 1.0),
-)
-def test_the_heading_is_reached_in_steps_within_the_limit(yaw, wanted, greatest):
-    for _ in range(int(math.pi / greatest) + 2):
-        after = turned(yaw, wanted, greatest)
-        assert abs(math.remainder(after - yaw, math.tau)) <= greatest + 1e-9
-        assert -math.pi <= after <= math.pi
-        yaw = after
-    assert math.remainder(yaw - wanted, math.tau) == pytest.approx(0.0, abs=1e-9)

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.companion.safety.check_inputs import Host
 from moar_companion.companion.status import LatestDecisions
 from moar_companion.service.recording.calls import Call

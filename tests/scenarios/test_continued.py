@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.companion.estimation.pose_tracker import airborne
+from moar_companion.companion.estimation.landed_state import airborne
 
 from ..copies import flown_once
 from ..flights.judging import clearances_m, true_places

@@ -12,7 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
-from moar_companion.companion.estimation.pose_tracker import SiteMaps
+from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Site
 from moar_companion.service import compiling

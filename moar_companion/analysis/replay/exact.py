@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...companion.companion import Companion
-from ...companion.estimation.pose_tracker import SiteMaps
 from ...companion.planning.map_jobs import MapAnswer, MapJob, answer_map_job
 from ...companion.planning.plan_jobs import PlanAnswer
 from ...companion.planning.planner_set import PlannerSet
+from ...companion.planning.site_maps import SiteMaps
 from ...errors import InputError
 from ...mavlink.codec import Codec
 from ...mavlink.signing import Signing, SigningKey

@@ -7,9 +7,10 @@ import math
 
 from ...companion.estimation.plane_to_local import PlaneToLocal
 from ...companion.estimation.pose import Pose
-from ...companion.estimation.pose_tracker import PoseTracker, SiteMaps
+from ...companion.estimation.pose_tracker import PoseTracker
 from ...companion.planning.plan_jobs import PlanJob, answer_job
 from ...companion.planning.planner_set import PlannerSet
+from ...companion.planning.site_maps import SiteMaps
 from ...mavlink.telemetry import Telemetry
 from ...planner.adaptation import Adaptation
 from ...planner.plan_values import PlanRequest

@@ -8,102 +8,17 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import numpy as np
-
-from ...mavlink.autopilots import profile
-from ...mavlink.telemetry import Attitude, GlobalPosition, Home, LandedState, LocalOrigin, Telemetry
+from ...mavlink.telemetry import Attitude, Telemetry
 from ...perception.perception_report import LineOffset
-from ...planner.maps import Maps
-from ...planner.regions import obstacle_clearance_m, obstacle_room_m
 from ...planner.site import PlanePoint, Site
-from ...types import UNKNOWN, AutopilotKind, GeodeticPoint, Vector
+from ...types import AutopilotKind, GeodeticPoint, Vector
+from .frame_agreement import FrameAgreement
+from .landed_state import grounded
 from .plane_to_local import PlaneToLocal
 from .pose import Jump, Pose
 
-_COMPARABLE_S = 0.3
-"""Maximum difference of the stamps of local and global position. GLOBAL_POSITION_INT comes at 5 Hz
-or more; the local position is extrapolated by its velocity over this time."""
-
-
-class FrameAgreement:
-    """Tracks the origin, and compares the local position with other reports.
-
-    Only the origin, which a message reports, gives the local position a place in the world. That
-    place is compared with the global position, and with home where the autopilot derives both its
-    coordinates from one another. The origin moved in none of 31 recordings of both autopilots.
-    """
-
-    def __init__(self) -> None:
-        self.global_off_m: float | None = None
-        """Distance from the local position, by its origin, to the global one, when last compared.
-
-        None before that. Silence of either changes nothing."""
-        self.home_off_m: float | None = None
-        """Distance of home's two coordinates; None, too, where the autopilot keeps them apart."""
-        self.origin_moved_m = 0.0
-        """Move of the origin since the flight began, or since it was last accepted."""
-        self._kind = UNKNOWN
-        self._accepted: GeodeticPoint | None = None
-        self._origin: GeodeticPoint | None = None
-        self._compared: GlobalPosition | None = None
-        self._home_compared: tuple[Home | None, LocalOrigin] | None = None
-
-    def update(self, telemetry: Telemetry, kind: AutopilotKind, *, grounded: bool) -> None:
-        """Takes new telemetry. grounded: no flight has begun, any origin is accepted."""
-        origin, self._kind = telemetry.local_origin, kind
-        self._origin = None if origin is None else origin.point
-        if origin is None:
-            self._accepted = None
-            return
-        if self._accepted is None or grounded:
-            self._accepted = origin.point
-        self.origin_moved_m = self._distance_m(origin.point, self._accepted, (0.0, 0.0, 0.0))
-        if not profile(kind).projection_known:
-            return
-        self._compare_global(telemetry, origin.point)
-        self._compare_home(telemetry.home, origin)
-
-    def accept_origin(self) -> None:
-        """Accepts the present origin: the operator was informed of its move before the order."""
-        self._accepted, self.origin_moved_m = self._origin, 0.0
-
-    def _compare_global(self, telemetry: Telemetry, origin: GeodeticPoint) -> None:
-        local, other = telemetry.local_position, telemetry.global_position
-        if local is None or other is None or other.boot_s is None or other is self._compared:
-            return
-        self._compared = other
-        ahead_s = other.boot_s - local.boot_s
-        if abs(ahead_s) > _COMPARABLE_S:
-            return
-        north_m, east_m, down_m = (
-            place_m + ahead_s * speed_mps
-            for place_m, speed_mps in zip(local.position_ned_m, local.velocity_ned_mps, strict=True)
-        )
-        self.global_off_m = self._distance_m(other.point, origin, (north_m, east_m, down_m))
-
-    def _compare_home(self, home: Home | None, origin: LocalOrigin) -> None:
-        """Compares home's two coordinates where the autopilot derives one from the other.
-
-        In recordings ArduPilot's differ by less than 1 mm; PX4's, whose local home keeps its value
-        from when home was set, by up to 0.8 m level and 1.4 m in height.
-        """
-        if home is None or not profile(self._kind).home_by_projection:
-            return
-        if self._home_compared != (home, origin):
-            self._home_compared = home, origin
-            self.home_off_m = self._distance_m(home.point, origin.point, home.position_ned_m)
-
-    def _distance_m(
-        self, point: GeodeticPoint, origin: GeodeticPoint, local_m: tuple[float, float, float]
-    ) -> float:
-        """Distance between a point in the world and one in the local frame at an origin."""
-        return math.dist(profile(self._kind).to_local_ned(point, origin), local_m)
-
-
-LANDED_TIMEOUT_S = 5.0
-"""EXTENDED_SYS_STATE comes at 5 Hz; on a slow link at less than 1 Hz."""
 _JUMP_M = 0.5
 """A position farther than this from the velocity's prediction has jumped: the estimator was
 reset. In flight PX4's own estimate wanders by centimetres."""
@@ -127,32 +42,6 @@ _WINDOW_S = 5.0
 """Length of a window; the latest two count. PX4's simulator clock is 1 % slow: 0.1 s in both."""
 _MOST_JUMPS = 100
 """Maximum number of jumps kept, of an estimator that jumps continuously."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SiteMaps:
-    """Site and maps of a companion that plans."""
-
-    site: Site
-    maps: Maps
-
-    def clearance_m(self, pose: Pose, radius_m: float) -> float | None:
-        """Distance from a hull at a place to the nearest obstacle; None if there is none."""
-        clearance_m = float(obstacle_clearance_m(self.site, np.array(pose.position_m[::2])))
-        return clearance_m - radius_m if self.site.obstacles else None
-
-    def room_m(self, pose: Pose, radius_m: float) -> float | None:
-        """Distance from a hull at a place to the nearest keep-out; None without an obstacle.
-
-        The place is the aircraft's own, so the tracking margin does not apply. The place itself
-        counts: on the border of two cells the cells' values would alternate.
-        """
-        room_m = float(obstacle_room_m(self.site, np.array(pose.position_m[::2])))
-        return room_m + self.site.margin.tracking_m - radius_m if self.site.obstacles else None
-
-    def dwell_s(self, stops: tuple[str, ...]) -> float:
-        """Time to stay at the first of a task's targets; 0 without one."""
-        return self.site.target(stops[0]).dwell_s if stops else 0.0
 
 
 class PoseTracker:
@@ -447,27 +336,3 @@ def _reset_turn_rad(before: Attitude | None, now: Attitude | None) -> float:
     turned_rad = 0.5 * (before.yaw_rate_radps + now.yaw_rate_radps) * elapsed_s
     turn_rad = math.remainder(now.yaw_rad - before.yaw_rad - turned_rad, math.tau)
     return turn_rad if abs(turn_rad) > _TURN_RAD else 0.0
-
-
-def airborne(telemetry: Telemetry, now_s: float) -> bool:
-    """True if armed and known to be in the air; False in take-off and landing.
-
-    Setpoints between the acknowledgement of a take-off and lift-off cancel ArduPilot's take-off;
-    a stream during a landing makes PX4 resume OFFBOARD. A landing counts in a landing mode only:
-    EXTENDED_SYS_STATE still reports the landing that a new mode has just ended (measured on
-    ArduCopter 4.6.3: for 40 to 110 ms, and up to 200 ms at its rate).
-    """
-    autopilot, landed = telemetry.autopilot, telemetry.landed
-    if autopilot is None or not autopilot.armed or landed is None:
-        return False
-    ended = landed.state is LandedState.LANDING and not autopilot.homeward
-    in_air = landed.state is LandedState.IN_AIR or ended
-    return in_air and now_s - landed.received_s <= LANDED_TIMEOUT_S
-
-
-def grounded(telemetry: Telemetry) -> bool:
-    """True if disarmed, or known to be on the ground; False if both are unknown."""
-    autopilot, landed = telemetry.autopilot, telemetry.landed
-    if autopilot is not None and not autopilot.armed:
-        return True
-    return landed is not None and landed.state is LandedState.ON_GROUND

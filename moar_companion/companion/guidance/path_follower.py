@@ -29,10 +29,9 @@ from .flight_volume import FlightVolume
 from .flown_path import FlownPath
 from .plan_path import vector
 from .splice import Adoption, Splice
-from .tracking import Reference, advanced, turned
+from .tracking import Reference, WindLeash, advanced
 from .trajectory import FloatArray
-from .wind_leash import WindLeash
-from .yaw import wanted_yaw_rad
+from .yaw import turned, wanted_yaw_rad
 
 _STOPPED_MPS = 0.05
 """Speed below any planned speed, even at half its pace: the residue of a waiting reference."""

@@ -61,3 +61,9 @@ def _yaw_rad(direction: Vector, plane: PlaneToLocal, least: float) -> float | No
         return None
     north, east, _ = plane.velocity_to_ned(direction)
     return math.atan2(east, north)
+
+
+def turned(yaw_rad: float, wanted_rad: float, greatest_rad: float) -> float:
+    """A heading turned towards another the short way, by no more than `greatest_rad`."""
+    turn = math.remainder(wanted_rad - yaw_rad, math.tau)
+    return math.remainder(yaw_rad + max(-greatest_rad, min(greatest_rad, turn)), math.tau)

@@ -12,8 +12,8 @@ import numpy as np
 from ...planner.escape import pocket
 from ...planner.maps import Maps
 from ...planner.site import Site, Target
-from ..estimation.pose_tracker import SiteMaps
 from .planner_set import PlannerSet
+from .site_maps import SiteMaps
 
 _LARGE = 0.5
 """Least share of the free cells in the region of a target that was moved."""

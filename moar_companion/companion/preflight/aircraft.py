@@ -16,8 +16,8 @@ from ...risk import RiskEstimate
 from ...settings.config import Supervision
 from ...settings.risk_model import RiskModel
 from ...settings.vehicle import Vehicle
+from ..estimation.landed_state import grounded
 from ..estimation.pose import Pose
-from ..estimation.pose_tracker import grounded
 from ..safety.position_checks import ATTITUDE_TIMEOUT_S
 from .battery_check import battery_findings
 from .findings import Finding, Level

@@ -11,7 +11,7 @@ from ...mavlink.telemetry import LandedState, Telemetry
 from ...risk.wind import strongest
 from ...settings.config import Supervision
 from ...texts.text_format import exceeds, limit_text, listed, reason_chars, seconds
-from ..estimation.pose_tracker import LANDED_TIMEOUT_S, airborne
+from ..estimation.landed_state import LANDED_TIMEOUT_S, airborne
 from . import energy_checks
 from .check_inputs import ROUTE_MAX_AGE_S, CheckInputs
 

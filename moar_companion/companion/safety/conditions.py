@@ -13,7 +13,7 @@ from ...risk.receivers import trouble
 from ...settings.config import Supervision
 from ...texts.text_format import exceeds
 from ...types import Mission
-from ..estimation.pose_tracker import grounded
+from ..estimation.landed_state import grounded
 from ..mission_states import MissionState
 from . import checks, energy_checks, link_age, position_checks
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode

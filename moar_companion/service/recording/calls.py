@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...companion.companion import Companion
-from ...companion.estimation.pose_tracker import SiteMaps
 from ...companion.mission_snapshot import MissionSnapshot
 from ...companion.planning.map_jobs import MapAnswer
 from ...companion.planning.plan_jobs import PlanAnswer
+from ...companion.planning.site_maps import SiteMaps
 from ...companion.safety.check_inputs import Host
 from ...mavlink.peers import Address
 from ...mavlink.signing import Signing

@@ -15,7 +15,7 @@ from typing import Any
 
 from ...companion.companion import Companion
 from ...companion.estimation.pose import Pose
-from ...companion.estimation.pose_tracker import SiteMaps
+from ...companion.planning.site_maps import SiteMaps
 from ...companion.reports import Decision
 from ...mavlink.codec import Codec
 from ...mavlink.dialect import mavlink
