@@ -17,6 +17,11 @@ class Mission(str, enum.Enum):
     EXIT = "exit"
     EVACUATION = "evacuation"
 
+    @property
+    def visits_targets(self) -> bool:
+        """True if its goals are targets; False for an escape, which ends at a landing point."""
+        return self is Mission.INSPECTION
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiskIndices:

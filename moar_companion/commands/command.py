@@ -120,7 +120,7 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
 
         site, mission = Site.load(site_file), Mission(order)
         names = [target.name for target in site.targets]
-        if mission is not Mission.INSPECTION:
+        if not mission.visits_targets:
             names = [str(index) for index in range(len(site.landing_m.get(mission, ())))]
         if given in names:
             return names.index(given)

@@ -184,7 +184,7 @@ def run(arguments: argparse.Namespace) -> int:
     margin_m = margin_of(vehicle, Supervision()).total_m
     notes = {"margin": _margin_words(margin_m, flown=arguments.as_flown)}
     left = len(site.targets) - 1
-    if mission is Mission.INSPECTION and target is None and left > 0:
+    if mission.visits_targets and target is None and left > 0:
         notes["targets"] = f"the first alone; `command inspection` flies {left} more in turn"
     document = _document(plan, explanation, others)
     if arguments.refine:
@@ -293,7 +293,7 @@ def _weights(text: str) -> Weights:
 
 def _target(site: Site, source: str, mission: Mission, given: str | None) -> str | int | None:
     """The target's name or the landing point's index, checked against the site."""
-    if mission is Mission.INSPECTION:
+    if mission.visits_targets:
         names = [target.name for target in site.targets]
         if not names:
             raise InputError(source, "targets", "has none, an inspection needs one")

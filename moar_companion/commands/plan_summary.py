@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..types import Mission
-
 if TYPE_CHECKING:
     from ..planner.plan_values import Plan
     from ..planner.refinement import Refinement
@@ -38,7 +36,7 @@ def summary(
 
 def _plan_lines(plan: Plan, notes: Mapping[str, str]) -> str:
     target = "" if plan.request.target is None else f" of {plan.request.target}"
-    if plan.mission is not Mission.INSPECTION and target:
+    if not plan.mission.visits_targets and target:
         target = f" to landing point {plan.request.target}"
     lines = [f"{plan.site}: {plan.mission.value}{target}: {plan.status.value}"]
     weights, compute = plan.weights, plan.compute

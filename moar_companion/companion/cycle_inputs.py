@@ -11,7 +11,6 @@ from dataclasses import replace
 from ..mavlink.telemetry import LandedState
 from ..risk.localization import PlaceByLine
 from ..risk.power.cells import misread
-from ..types import Mission
 from .contingency.contingency_planner import ContingencyInputs
 from .cycle_state import CycleState
 from .estimation.pose import Pose
@@ -242,4 +241,4 @@ def escapes(status: MissionStatus) -> bool:
     """True while an exit or evacuation is flown."""
     task = status.task
     in_control = status.state in IN_CONTROL
-    return in_control and task is not None and task.mission is not Mission.INSPECTION
+    return in_control and task is not None and not task.mission.visits_targets

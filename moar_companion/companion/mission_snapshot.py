@@ -11,7 +11,6 @@ from typing import Annotated
 from pydantic import Field
 
 from ..planner.site import Site
-from ..types import Mission
 from .mission.state_changes import state_words
 from .mission.values import MissionStatus, Task
 from .mission_states import STREAMING, MissionState
@@ -56,6 +55,6 @@ class MissionSnapshot:
 
 def _fits(task: Task, site: Site) -> bool:
     """True if a site has the targets or landing points that a task names."""
-    if task.mission is Mission.INSPECTION:
+    if task.mission.visits_targets:
         return {target.name for target in site.targets}.issuperset(task.stops)
     return 0 <= (task.landing or 0) < len(site.landing_m.get(task.mission, ()))

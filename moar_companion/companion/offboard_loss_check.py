@@ -119,7 +119,7 @@ class OffboardLossCheck:
         if awaited.first:
             by_itself = self._by_itself(failsafes, answer.reach, rests_m)
             refused = self._failsafe_check is LossCheck.REFUSE
-            if by_itself is not None and refused and plan.mission is Mission.INSPECTION:
+            if by_itself is not None and refused and plan.mission.visits_targets:
                 if not ordered:
                     self.objection = by_itself
                 return replace(answer, plan=None, reason=by_itself, would_collide=True)
@@ -175,4 +175,4 @@ class OffboardLossCheck:
 
     def _refuses(self, mission: Mission) -> bool:
         """True if an objection forbids a mission."""
-        return self._check is LossCheck.REFUSE and mission is Mission.INSPECTION
+        return self._check is LossCheck.REFUSE and mission.visits_targets

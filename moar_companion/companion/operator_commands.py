@@ -51,7 +51,7 @@ def understood(
         return refused
     assert site is not None
     index = command.index
-    if command.mission is Mission.INSPECTION:
+    if command.mission.visits_targets:
         names = tuple(target.name for target in site.targets)
         if not names or (index is not None and index >= len(names)):
             reason = pilot_texts.NO_TARGET(index=index or 0, number=len(names))

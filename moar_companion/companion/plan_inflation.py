@@ -93,7 +93,7 @@ class PlanInflation:
 
     def of(self, mission: Mission) -> float:
         """Obstacle inflation of a mission's plans; on escape routes without the tracking error."""
-        widening = self._widening if mission is Mission.INSPECTION else self._lasting
+        widening = self._widening if mission.visits_targets else self._lasting
         return widening.width_m
 
     def update(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:

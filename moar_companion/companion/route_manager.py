@@ -176,7 +176,7 @@ class RouteManager:
         basis = PlanBasis(
             risk=risk,
             widening_m=self.inflation.of(task.mission),
-            narrowed_m=0.0 if task.mission is Mission.INSPECTION else narrowed_m,
+            narrowed_m=0.0 if task.mission.visits_targets else narrowed_m,
             fence=self.limits.fence,
             failsafes=self.limits.watch.failsafes,
             site_maps=self.limits.site_maps,
@@ -322,8 +322,10 @@ class RouteManager:
         An escape route continues without a new plan: its path was checked, and a stop is no safer.
         """
         since_s, flight = self._plans.wanting_since_s, self.flight
-        inspects = flight is not None and flight.mission is Mission.INSPECTION
-        return now_s - since_s if inspects and since_s is not None else None
+        mission = None if flight is None else flight.mission
+        if since_s is None or mission is None or not mission.visits_targets:
+            return None
+        return now_s - since_s
 
     def resume_leg(self) -> bool:
         """Resumes along the landing leg on which the flight was braked, if it has room.

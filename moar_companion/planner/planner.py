@@ -140,7 +140,7 @@ class Planner:
         Raises InputError for a target or landing point that the site does not have.
         """
         mission = Mission(mission)
-        if mission is Mission.INSPECTION:
+        if mission.visits_targets:
             target = self.site.target(target).name
         key = (mission, target)
         # Read once: if obstacles change meanwhile, the new table is stored with dropped tables.
@@ -276,7 +276,7 @@ class Planner:
         if adaptation is None or adaptation.kind is not AdaptationKind.CALIBRATED or cell is None:
             return request
         target = request.target
-        if request.mission is Mission.INSPECTION:
+        if request.mission.visits_targets:
             target = self.site.target(target).name
         key = ((request.mission, target), adaptation.base, self.graph.grid.flat(cell))
         if key not in self._calibrations:
@@ -306,7 +306,7 @@ class Planner:
     def solve(self, request: PlanRequest) -> Plan:
         """The answer to a request; errors as of `plan`."""
         target = None
-        if request.mission is Mission.INSPECTION:
+        if request.mission.visits_targets:
             target = self.site.target(request.target)
             if request.target != target.name:
                 request = replace(request, target=target.name)
@@ -415,7 +415,7 @@ class Planner:
     def _make_goal(self, mission: Mission, target: str | int | None) -> _Goal:
         grid = self.graph.grid
         region = None
-        if mission is Mission.INSPECTION:
+        if mission.visits_targets:
             cell = grid.cell_of(self.site.target(target).position_m)
             cells = [] if cell is None or self.maps.occupied[cell] else [cell]
         else:

@@ -95,7 +95,7 @@ def problem(scene: Scene) -> Problem:
     """The planning problem of a scene."""
     site = environment_site(scene.environment, displaced=scene.displaced)
     target = site.target(scene.splice)
-    inspects = scene.mission is Mission.INSPECTION
+    inspects = scene.mission.visits_targets
     return Problem(
         scene=scene,
         planner=Planner(site, Vehicle.load(SIMULATED_VEHICLE)),

@@ -45,7 +45,7 @@ def draw_goal(
     region: GoalRegion | None,
 ) -> None:
     """Draw the end of a mission: the target among the others, or goal region and landing points."""
-    if mission is Mission.INSPECTION:
+    if mission.visits_targets:
         _draw_targets(axes, site, target)
         return
     if region is not None:

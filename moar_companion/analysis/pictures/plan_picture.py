@@ -19,7 +19,6 @@ from ...planner.plan_values import Plan
 from ...planner.regions import GoalRegion, goal_region
 from ...planner.site import PlanePoint, Site
 from ...settings.vehicle import Vehicle
-from ...types import Mission
 from .figure import DPI, INK, Page, page_style
 from .labels import place_labels
 from .plan_marks import (
@@ -80,7 +79,7 @@ def _draw_page(
     mission, target = plan.mission, plan.request.target
     start_m, velocity_mps = _pair(plan.request.start_m), _pair(plan.request.velocity_mps)
     goals = list(site.landing_m.get(mission, ()))
-    if mission is Mission.INSPECTION:
+    if mission.visits_targets:
         goals = [item.position_m for item in site.targets if item.name == target]
     elif isinstance(target, int):
         goals = [goals[target]]
@@ -124,7 +123,7 @@ def _pair(point: Any) -> PlanePoint:
 
 def _region(plan: Plan, site: Site, vehicle: Vehicle, maps: Maps) -> GoalRegion | None:
     """The goal region; None for an inspection, or where no landing point is visible."""
-    if plan.mission is Mission.INSPECTION:
+    if plan.mission.visits_targets:
         return None
     try:
         return goal_region(site, vehicle, maps, plan.mission, plan.request.target)
@@ -250,7 +249,7 @@ def _clearance(distance_m: float) -> str:
 
 def _draw_title(page: Page, plan: Plan, site: Site) -> None:
     what = plan.mission.value.capitalize()
-    if plan.mission is Mission.INSPECTION:
+    if plan.mission.visits_targets:
         what += f" of {plan.request.target}"
     elif plan.landing_leg is not None:
         what += f", to landing point {plan.landing_leg.landing_index}"

@@ -271,7 +271,7 @@ class ContingencyPlanner:
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)
         route = self._exposed(self._route_cost(*rest, asked.asked_s), *rest, volume)
-        if asked.question.mission is Mission.INSPECTION:
+        if asked.question.mission.visits_targets:
             return route
         return route.then(self._landing(volume))
 

@@ -7,7 +7,7 @@ import math
 from ...planner.plan_values import Plan
 from ...planner.site import Site, Target
 from ...settings.vehicle import Guidance, YawMode
-from ...types import Mission, Vector
+from ...types import Vector
 from ..estimation.plane_to_local import PlaneToLocal
 from ..estimation.pose import Pose
 
@@ -50,7 +50,7 @@ def wanted_yaw_rad(
 
 def _target(site: Site, plan: Plan) -> Target | None:
     """The target of an inspection's plan; None for other missions."""
-    if plan.mission is not Mission.INSPECTION:
+    if not plan.mission.visits_targets:
         return None
     return site.target(str(plan.request.target))
 

@@ -16,7 +16,6 @@ from dataclasses import replace
 
 from ...texts import pilot_texts, service_texts
 from ...texts.text_format import limit_text
-from ...types import Mission
 from ..mission_states import ENGAGED, IN_CONTROL, STREAMING, MissionState
 from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
@@ -168,9 +167,9 @@ def unplanned(
         return idle, (*effects, *answers)
     if status.order_id is not None:
         return replace(status, requested=None, order_id=None), answers
-    if requested.mission is not Mission.INSPECTION and not waits:
+    if not requested.mission.visits_targets and not waits:
         text = SendText(reason, f"no {requested.mission.value}", serious=True, is_new=False)
-        inspects = status.task is not None and status.task.mission is Mission.INSPECTION
+        inspects = status.task is not None and status.task.mission.visits_targets
         failed_tasks = _OUTWARD if failed and inspects else (requested,)
         return replace(status, requested=None).without(*failed_tasks, now_s=now_s), (text,)
     moves = status.state in {MissionState.FLYING, MissionState.LANDING_LEG}
@@ -286,7 +285,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
     elif state is MissionState.LANDING_LEG and not world.on_leg:
         return enter(status, MissionState.FLYING, now_s, keep_requested=True)
     elif state is MissionState.FLYING and world.arrived and task is not None:
-        if task.mission is Mission.INSPECTION:
+        if task.mission.visits_targets:
             return enter(status, MissionState.AT_TARGET, now_s, keep_requested=True)
         return _landed_above(status, now_s)
     elif state is MissionState.LANDING_LEG and world.arrived:

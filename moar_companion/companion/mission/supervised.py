@@ -92,10 +92,10 @@ def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
         for choice in (task, Task(mission=mission))
         if choice.mission is mission and choice not in status.no_path
     ]
-    if on_leg and task.mission is not Mission.INSPECTION and task not in status.no_path:
+    if on_leg and not task.mission.visits_targets and task not in status.no_path:
         choices.insert(0, task)
     if not choices:
-        if task.mission is not Mission.INSPECTION and not holds:
+        if not task.mission.visits_targets and not holds:
             return None
         return _braked(status, ruling, now_s, resumes=False)
     wanted = choices[0]

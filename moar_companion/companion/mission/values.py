@@ -47,12 +47,12 @@ class Task:
     @property
     def goal(self) -> str | int | None:
         """Goal for the planner."""
-        return self.stops[0] if self.mission is Mission.INSPECTION else self.landing
+        return self.stops[0] if self.mission.visits_targets else self.landing
 
     @property
     def done(self) -> bool:
         """True if no part of it is left to fly."""
-        return self.flown or (self.mission is Mission.INSPECTION and not self.stops)
+        return self.flown or (self.mission.visits_targets and not self.stops)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

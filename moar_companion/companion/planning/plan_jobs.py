@@ -102,7 +102,7 @@ def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
     answer = _answer(planners.widened_by(job.widening_m, job.fence), job)
     if answer.plan is not None:
         return answer
-    inspects = job.request.mission is Mission.INSPECTION
+    inspects = job.request.mission.visits_targets
     tracking_m = planners.exact.site.margin.tracking_m
     for part in _NARROWED if tracking_m and not inspects else ():
         narrower = _narrowed(planners, job, part * tracking_m)
@@ -158,7 +158,7 @@ def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer
     request = plan.request
     goal = request.target if isinstance(request.target, str) else request.mission.value
     reason = pilot_texts.TARGET_FENCED(target=goal, fence=crossed)
-    if of_goal is None or request.mission is not Mission.INSPECTION or goal not in reason:
+    if of_goal is None or not request.mission.visits_targets or goal not in reason:
         reason = pilot_texts.FENCED(fence=crossed)
     return replace(
         answer,
@@ -178,7 +178,7 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
         plan, escape_m = _plan_with_entry(planner, request, start_m)
     except InputError as error:
         reason = f"{error.problem} ({error})"
-        if request.mission is not Mission.INSPECTION:
+        if not request.mission.visits_targets:
             reason = pilot_texts.NO_LANDING_IN_SIGHT(detail=str(error))
         return PlanAnswer(job_id=job.job_id, plan=None, reason=reason)
     if plan.status is not PlanStatus.FOUND:
@@ -233,7 +233,7 @@ def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins
         place = _words_of_start(planner, (request.start_m[0], request.start_m[1]))
         if place is not None:
             return place
-    inspects = request.mission is Mission.INSPECTION
+    inspects = request.mission.visits_targets
     if not inspects:
         unreachable = status is PlanStatus.UNREACHABLE
         return pilot_texts.NO_PATH() if unreachable else pilot_texts.NO_LANDING_IN_SIGHT()

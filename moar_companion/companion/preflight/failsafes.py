@@ -142,7 +142,7 @@ def _hits(planner: Planner, failsafe: Failsafes, routes: list[tuple[str, SiteRou
 
 def objection_level(policy: LossCheck, mission: Mission = Mission.INSPECTION) -> Level:
     """Level of an objection to a mission: the service never refuses an escape route."""
-    refused = policy is LossCheck.REFUSE and mission is Mission.INSPECTION
+    refused = policy is LossCheck.REFUSE and mission.visits_targets
     return Level.NO_GO if refused else Level.WARNING
 
 
@@ -157,7 +157,7 @@ def loss_findings(
             objection = route.objection(planner, loss, home_m)
             if objection is None:
                 continue
-            inspects = route.mission is Mission.INSPECTION
+            inspects = route.mission.visits_targets
             name = f"to {target}" if inspects else f"{route.name} from {target}"
             level = objection_level(policy, route.mission)
             objections.setdefault((level, objection), []).append(name)

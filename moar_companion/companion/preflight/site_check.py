@@ -180,14 +180,10 @@ def _targets(planner: Planner) -> Iterator[Finding]:
         times_s = {route: route.flown_s(planner) for route in routes[target.name]}
         yield _routes(subject, times_s)
         visits_s += target.dwell_s + sum(
-            time_s for route, time_s in times_s.items() if route.mission is Mission.INSPECTION
+            time_s for route, time_s in times_s.items() if route.mission.visits_targets
         )
         escape_route_s = max(
-            (
-                time_s
-                for route, time_s in times_s.items()
-                if route.mission is not Mission.INSPECTION
-            ),
+            (time_s for route, time_s in times_s.items() if not route.mission.visits_targets),
             default=0.0,
         )
     if site.targets:

@@ -100,7 +100,7 @@ class Condition:
     def objects_to(self, mission: Mission) -> bool:
         """True if this mission must not be ordered while the condition lasts."""
         if self.override is Override.SAFER:
-            return mission is Mission.INSPECTION
+            return mission.visits_targets
         return self.override is Override.NONE
 
     def action_words(self, text: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from ...mavlink.autopilots import profile
 from ...planner.plan_values import Plan
 from ...planner.site import Site
-from ...types import AutopilotKind, GeodeticPoint, Mission
+from ...types import AutopilotKind, GeodeticPoint
 from .drawn_site import waypoints_m
 
 _WAYPOINT, _LAND, _TAKEOFF = 16, 21, 22
@@ -45,9 +45,7 @@ def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | No
         if not items:
             add(_TAKEOFF, *corners[0].position_m, [0, 0, 0, None])
         dwell_s = (
-            site.target(str(plan.request.target)).dwell_s
-            if plan.mission is Mission.INSPECTION
-            else 0.0
+            site.target(str(plan.request.target)).dwell_s if plan.mission.visits_targets else 0.0
         )
         for before, corner in pairwise(corners):
             speed_mps = round(before.speed_to_mps(corner), 2)

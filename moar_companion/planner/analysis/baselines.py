@@ -14,7 +14,6 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from ...types import Mission
 from ..geometry import obstacle_distance_m
 from ..graph import Graph
 from ..grid import STOP, TOLERANCE, BoolArray, FloatArray, IntArray
@@ -73,7 +72,7 @@ def baseline(
         return Baseline(kind=kind, status=plan.status, states=plan.states)
     region = None
     goals = [tuple(plan.states[-1, :-1])]
-    if request.mission is not Mission.INSPECTION:
+    if not request.mission.visits_targets:
         region = goal_region(
             planner.site, planner.vehicle, maps, request.mission, plan.request.target
         )

@@ -78,13 +78,13 @@ def draw_free_space(axes: Any, posed: Problem, *, goals: bool = True) -> None:
         (maps.occupied, _OCCUPIED),
     ):
         paint(axes, cells, colour, extent)
-    if goals and request.mission is not Mission.INSPECTION:
+    if goals and not request.mission.visits_targets:
         region = goal_region(site, planner.vehicle, maps, request.mission)
         paint(axes, region.mask, _REGIONS[request.mission], extent)
     draw_conductors(axes, site)
     if goals:
         axes.plot(*request.start_m, "o", color="white", markeredgecolor=INK, markersize=6, zorder=9)
-        if request.mission is Mission.INSPECTION:
+        if request.mission.visits_targets:
             target = site.target(str(request.target)).position_m
             axes.plot(*target, "*", color="#ffd23f", markeredgecolor=INK, markersize=11, zorder=9)
 
