@@ -25,9 +25,11 @@ _WIDE = 120
 """From this width the risks stand beside the rest, else below it."""
 _LEFT_WIDTH = 52
 """Least width of the rest beside the risks."""
-_TALL_WIDE, _TALL = 34, 48
-"""Height, wide or not, with room for every input. Below it most rows are one line, and
-nothing divides a page that is not wide, except for its notes."""
+_MOST_INPUTS = (100, 8, 4, 2, 0)
+"""Numbers of inputs shown of each index, the gravest ones; the first one with which the page fits
+its terminal. With 0 the deciding one stands beside the bar, and most rows are one line."""
+_SHORT = 34
+"""Height below which no input has a line of its own."""
 _LABEL_WIDTH = 14
 _BAR_WIDTH, _SHORT_BAR_WIDTH = 20, 12
 """The short bar: risks on half a page, each beside its deciding input."""
@@ -60,12 +62,21 @@ class LiveView:
         self._silent_s = silent_s
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        status = self._status
+        free, height = options.reset_height(), options.size.height
+        short = options.is_terminal and height < _SHORT
+        for most in _MOST_INPUTS[-1:] if short else _MOST_INPUTS:
+            page = Group(*self._page(console, options, most))
+            if not options.is_terminal or len(console.render_lines(page, free)) <= height:
+                break
+        yield page
+
+    def _page(
+        self, console: Console, options: ConsoleOptions, most_inputs: int
+    ) -> Iterator[RenderableType]:
+        status, full = self._status, most_inputs > 0
         wide = options.max_width >= _WIDE
-        tall = _TALL_WIDE if wide else _TALL
-        full = not options.is_terminal or options.size.height >= tall
         bar_width = _SHORT_BAR_WIDTH if wide and not full else _BAR_WIDTH
-        risk = _risk(status, full=full, bar_width=bar_width)
+        risk = _risk(status, most_inputs=most_inputs, bar_width=bar_width)
         state = _rows([*_mission(status), *_aircraft(status)], wrap=full or wide)
         work = _rows(_work(status, full=full), wrap=full)
         yield _head(status, silence_of(self._silent_s))
@@ -188,26 +199,35 @@ def _aircraft(status: Status) -> Iterator[Row]:
     )
 
 
-def _risk(status: Status, *, full: bool, bar_width: int) -> RenderableType:
-    """A bar for each index with its deciding input, or with all its inputs; the weights."""
+def _risk(status: Status, *, most_inputs: int, bar_width: int) -> RenderableType:
+    """A bar for each index with its deciding input, or with its gravest inputs; the weights."""
     parts: list[RenderableType] = []
     for name, index in status["risk"].items():
-        parts.append(_rows([(name, _bar(index, bar_width, decided_by=not full))], wrap=False))
-        if full:
-            parts.append(_inputs(index))
-    parts.append(_rows([("weights", _weights(status["weights"]))], wrap=full))
+        bar = _bar(index, bar_width, decided_by=not most_inputs)
+        parts.append(_rows([(name, bar)], wrap=False))
+        if most_inputs:
+            parts.append(_inputs(index, most_inputs))
+    parts.append(_rows([("weights", _weights(status["weights"]))], wrap=most_inputs > 0))
     return Group(*parts)
 
 
-def _inputs(index: Status) -> RenderableType:
-    """Risk, name, value and age of an index's inputs; the deciding one is highlighted."""
+def _inputs(index: Status, most: int) -> RenderableType:
+    """Risk, name, value and age of an index's gravest inputs; the deciding one is highlighted.
+
+    The gravest: the deciding one, those of the greatest risk, then those without a measurement.
+    """
     table = Table.grid(padding=(0, 2), expand=True)
     table.add_column(width=2)
     table.add_column(width=7, justify="right", no_wrap=True)
     table.add_column(ratio=1, no_wrap=True)
     table.add_column(width=10, justify="right", no_wrap=True)
     table.add_column(width=12, no_wrap=True)
-    for item in index["inputs"]:
+
+    def gravity(item: Status) -> tuple[bool, float]:
+        return item["name"] == index["worst"], -1.0 if item["risk"] is None else item["risk"]
+
+    gravest = sorted(index["inputs"], key=gravity, reverse=True)[:most]
+    for item in (each for each in index["inputs"] if each in gravest):
         received, known = item["age_s"] is not None, item["risk"] is not None
         table.add_row(
             "",
@@ -263,7 +283,8 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     yield "radio", Text(_radio(status["radio"]))
     if status.get("perception"):
         yield "seen", _perception(status["perception"])
-        yield "line", _line(status["perception"]["line"])
+        if (line := status["perception"].get("line")) is not None:
+            yield "line", _line(line)
     shown = ages if full else {name: ages[name] for name in _VITAL}
     received_ago = [_age(name, age_s) for name, age_s in shown.items()]
     yield "data age, s", Columns(received_ago) if full else Text("  ").join(received_ago)

@@ -10,6 +10,8 @@ from rich.console import Console
 from moar_companion.commands.live_view import LiveView, line_of, silence_of
 from moar_companion.risk import InputReport
 
+from ..mqtt.statuses import flying, status_of
+
 
 def index(value, *, known=True, worst=None, inputs=()):
     return {"value": value, "known": known, "worst": worst, "inputs": list(inputs)}
@@ -127,6 +129,13 @@ SEEING = FLYING | {
 """With a lidar and signed links: the most rows."""
 
 
+@pytest.fixture(scope="module")
+def complete():
+    """A status as the service makes it, with all inputs of the indices, and every optional row."""
+    made = status_of(flying())
+    return SEEING | {key: made[key] for key in ("risk", "age_s")}
+
+
 def page(status, width=80, height=24, *, terminal=True, **named):
     console = Console(
         file=io.StringIO(),
@@ -146,13 +155,49 @@ def changed(status, section, **values):
     return other
 
 
-@pytest.mark.parametrize(("width", "height"), [(80, 24), (80, 60), (120, 24), (140, 40), (250, 70)])
-@pytest.mark.parametrize("status", [FLYING, UNKNOWN, SEEING], ids=["flying", "unknown", "seeing"])
-def test_the_page_fits_its_terminal_with_three_notes(status, width, height):
+SIZES = [(80, 24), (80, 48), (80, 60), (120, 24), (120, 34), (140, 40), (250, 70)]
+
+
+def assert_fits(status, width, height):
     lines = page(status, width, height, notes=["one", "two", "three"]).splitlines()
     assert max(map(len, lines)) <= width
     assert len(lines) <= height
     assert [line.strip() for line in lines[-3:]] == ["one", "two", "three"]
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+@pytest.mark.parametrize("status", [FLYING, UNKNOWN, SEEING], ids=["flying", "unknown", "seeing"])
+def test_the_page_fits_its_terminal_with_three_notes(status, width, height):
+    assert_fits(status, width, height)
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_page_with_all_inputs_fits_its_terminal_with_three_notes(complete, width, height):
+    assert_fits(complete, width, height)
+
+
+def test_a_taller_page_has_more_inputs_and_the_deciding_one_of_each_index_first(complete):
+    indices = complete["risk"].values()
+    names = [item["name"] for index in indices for item in index["inputs"]]
+
+    def shown(height):
+        text = page(complete, 80, height)
+        return [name for name in names if f"  {name}  " in text]
+
+    by_height = [shown(height) for height in (24, 48, 60, 70, 100)]
+    counts = [len(each) for each in by_height]
+    assert counts == sorted(counts)
+    assert (counts[0], counts[-1]) == (0, len(names))
+    assert 0 < counts[1] < counts[2] < counts[-1]
+    for each in by_height[1:]:
+        assert {index["worst"] for index in indices if index["worst"]} <= set(each)
+
+
+def test_a_status_of_an_older_service_has_no_place_by_the_line():
+    seen = {name: value for name, value in SEEING["perception"].items() if name != "line"}
+    text = page(SEEING | {"perception": seen})
+    assert "6 conductors" in text
+    assert "known to" not in text
 
 
 def test_the_important_values_are_on_the_smallest_page():

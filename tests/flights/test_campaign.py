@@ -17,7 +17,7 @@ from moar_companion.settings.vehicle import Vehicle
 from ..thorough import sampled
 from .campaign import AFTERMATH_S, DEVELOPMENT, HELD_OUT
 from .campaign.command import main, row_of
-from .campaign.drawing import LASTS_S, Draw, draw
+from .campaign.drawing import LASTS_S, Draw, Fault, draw
 from .campaign.flying import HOLDS_IN, RandomFlight, Record, Sent, held_wind_mps
 from .campaign.judge import clearance_m, judge
 from .campaign.kinds import KINDS, Breaks
@@ -306,6 +306,24 @@ def test_forged_packets_excuse_setpoints():
     forged = dataclasses.replace(record, broken_s={Breaks.WORDS: 5.0})
     assert rules(forged) == {"stale": ("words",)}
     assert judge(forged).verdict == "outside"
+
+
+@pytest.mark.parametrize(
+    ("kind", "signed", "excused"),
+    [
+        ("forged_position", False, True),
+        ("forged_position", True, False),
+        ("origin_moved", False, True),
+        ("origin_moved", True, True),
+    ],
+)
+def test_on_a_signed_link_only_the_autopilots_own_words_excuse_setpoints(kind, signed, excused):
+    fault = Fault(kind=kind, at_s=0.0, lasts_s=1.0, seed=1)
+    drawn = dataclasses.replace(at_rest().draw, signed=signed, faults=(fault,))
+    flight = RandomFlight(drawn)
+    flight.run(1.0)
+    flight._begin_fault(0, fault, [])
+    assert (Breaks.WORDS in flight.broken_s) is excused
 
 
 def test_distances_are_those_of_another_library():

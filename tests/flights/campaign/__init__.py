@@ -23,8 +23,9 @@ held for the last `AFTERMATH_S` seconds:
 - Aircraft: drag, motors and the autopilot's response to setpoints are as configured, by its
   parameters. Its heading is right to 8 degrees. The aircraft is not disarmed, and its autopilot
   does not restart in the air.
-- Words: a packet with the autopilot's ids was sent by the autopilot, recently. Unsigned MAVLink
-  does not identify another sender. On a signed link this part always holds.
+- Words: a packet with the autopilot's ids was sent by the autopilot, recently, and its local frame
+  keeps its origin. Unsigned MAVLink does not identify another sender. On a signed link this part
+  holds unless the autopilot itself moves its origin.
 
 A lidar that errs is within the promise while the site file is right: what it sees adds obstacles.
 

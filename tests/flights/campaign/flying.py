@@ -566,8 +566,9 @@ class RandomFlight(Lockstep):
         self.began_s[key] = (self.now_s, math.inf if undo else self.now_s)
         if undo:
             ends.append((self.now_s + fault.lasts_s, undo, key))
-        # On a signed link, words that others sent are refused.
-        parts = (Breaks.AIRCRAFT,) if self.drawn.signed else (Breaks.AIRCRAFT, Breaks.WORDS)
+        # On a signed link words of other senders are refused. The autopilot's own still count.
+        refused = self.drawn.signed and Breaks.AIRCRAFT not in kind.breaks
+        parts = (Breaks.AIRCRAFT,) if refused else (Breaks.AIRCRAFT, Breaks.WORDS)
         for part in parts:
             if part in kind.breaks:
                 self.broken_s.setdefault(part, self.now_s)
