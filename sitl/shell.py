@@ -82,25 +82,41 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
         prog="python -m sitl",
         description="A fake autopilot that talks MAVLink like a real PX4 or ArduPilot.",
     )
-    parser.add_argument("--autopilot", choices=tuple(KINDS), default="px4")
-    parser.add_argument("--home", metavar="LAT,LON,ALT[,YAW]", help="degrees, metres AMSL, degrees")
+    parser.add_argument(
+        "--autopilot",
+        choices=tuple(KINDS),
+        default="px4",
+        help="simulated autopilot (default: px4)",
+    )
+    parser.add_argument(
+        "--home",
+        metavar="LAT,LON,ALT[,YAW]",
+        help="place of the aircraft: degrees, metres above mean sea level, compass degrees",
+    )
     parser.add_argument(
         "--link",
         metavar="NAME=URL",
         action="append",
-        help="udpin, udpout, tcpin or tcp :HOST:PORT; names gcs... get a ground station's messages"
-        f" (default: {' and '.join(_DEFAULT_LINKS)})",
+        help="udpin, udpout, tcpin or tcp :HOST:PORT, repeatable; names gcs... get a ground "
+        f"station's messages (default: {' and '.join(_DEFAULT_LINKS)})",
     )
     parser.add_argument("--scenario", metavar="FILE", help="timed changes of the conditions")
-    parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds per second")
-    parser.add_argument("--truth", metavar="FILE.csv", help="log of what is really so, at 20 Hz")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds in a real one")
+    parser.add_argument("--truth", metavar="FILE.csv", help="log of the true states, at 20 Hz")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="another flight under the same conditions (default: 1)"
+    )
     parser.add_argument(
         "--firmware", metavar="VERSION", help="report this version; parameters have its names"
     )
-    parser.add_argument("--param", metavar="NAME=VALUE", action="append", help="set a parameter")
+    parser.add_argument(
+        "--param",
+        metavar="NAME=VALUE",
+        action="append",
+        help="set a parameter at start, by the firmware's name; repeatable",
+    )
     parser.add_argument("--lidar", metavar="HOST:PORT", help="send a VLP-16's packets there by UDP")
-    parser.add_argument("--lidar-scene", metavar="FILE", help="what stands around, for the lidar")
+    parser.add_argument("--lidar-scene", metavar="FILE", help="objects around the lidar")
     parser.add_argument("--sign-key", metavar="FILE", help="sign all links with the key in a file")
     args = parser.parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     try:

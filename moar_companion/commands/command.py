@@ -124,7 +124,7 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
             names = [str(index) for index in range(len(site.landing_m.get(mission, ())))]
         if given in names:
             return names.index(given)
-    what = "target" if order == Mission.INSPECTION.value else "landing point"
+    what = "target" if Mission(order).visits_targets else "landing point"
     if names == []:
         raise refused("--target", given, f"but the site has no {what}")
     if re.fullmatch(r"\d{1,5}", given, re.ASCII) and (names is None or int(given) < len(names)):

@@ -42,4 +42,4 @@ IN_CONTROL = frozenset(
 STREAMING = IN_CONTROL | {MissionState.READY}
 """States in which setpoints are sent."""
 ENGAGED = STREAMING | {MissionState.PLANNING}
-"""States in which a task is flown, offered or planned."""
+"""States in which a task or a hold is flown or offered, or a task is planned."""

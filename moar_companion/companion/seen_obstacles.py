@@ -38,6 +38,7 @@ _MOVED_M = 0.15
 _RADIUS_M = 0.02
 """Radius of a seen conductor; the keep-out is far greater."""
 _NO_LINE = LineOffset()
+"""Line without a sensor, or before its first report."""
 _MOST_NOTES = 200
 """Maximum number of kept notes: two seconds of poses."""
 

@@ -52,7 +52,11 @@ def test_a_survey_finds_each_wire(places):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("places", [row(3, 0.5), column(3, 0.5), triangle(0.87)])
+@pytest.mark.parametrize(
+    "places",
+    [row(3, 0.5), column(3, 0.5), triangle(0.87), row(3, 0.87), row(7, 0.87)],
+    ids=["3 at 0.5 m", "column", "triangle", "3 at 0.87 m", "7 at 0.87 m"],
+)
 def test_a_lidar_finds_each_wire(places):
     pytest.importorskip("velodyne_decoder")
     wires = tuple(

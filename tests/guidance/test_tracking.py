@@ -164,6 +164,3 @@ def test_an_aircraft_that_follows_arrives_on_any_path(walk, acceleration):
             break
         reference = stepped(reference, guidance=guidance)
     assert reference.arrived
-
-
-# Heading ----------------------------------------------------------------------------------------

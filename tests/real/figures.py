@@ -29,7 +29,8 @@ _TOUCHED_DOWN_M = 0.5
 _NOTICE_S = 0.2
 """Time limit for the end of the stream after a takeover."""
 _NOTICE_ON_LOSSY_LINK_S = 0.3
-"""0.2 s under way, and five losses in a row of mode reports, which come fifty times a second."""
+"""0.2 s under way, and five losses in a row of mode reports, fifty a second by ArduPilot. PX4 sends
+the mode twice a second and at a change: its takeover may be noticed later, which the page says."""
 _SWITCH_DEBOUNCE_S = 0.2
 """Debounce time of ArduPilot's mode switch (RC_Channel)."""
 
@@ -75,6 +76,7 @@ class Row:
     tracking_max_m: float | None = None
     """The autopilot's own position to setpoint: its tracking alone."""
     speed_max_mps: float | None = None
+    """Greatest speed over half a second."""
     let_go: str | None = None
     """State and text of a release by the companion before the landing."""
     let_go_after_s: float | None = None
@@ -86,6 +88,7 @@ class Row:
     """Words of the release that the scenario causes."""
     expected_after_s: tuple[float, float] | None = None
     takeover_s: float | None = None
+    """Time from the pilot's action to the last setpoint."""
     state: str | None = None
     landed: bool = False
     shown: str = ""

@@ -1,1 +1,1 @@
-"""Pure: plan jobs and their answers, and the planners of a site that answer them."""
+"""Pure: a site with its maps, plan and map jobs with their answers, and the planners of a site."""
