@@ -70,6 +70,14 @@ no serial port.
 
 {messages}
 
+## Parameters of the autopilot
+
+Those on which a flight depends, by their names in each release, with the factor to the newest
+one's unit. While one is not reported, its most cautious value counts, or no inspection begins:
+[guide](guides/autopilot.md#parameters-that-are-not-reported).
+
+{parameters}
+
 ## MQTT topics
 
 `moar/VEHICLE/TOPIC`: [guide](MQTT.md).
@@ -133,6 +141,7 @@ def _files(checkout: Path) -> Iterator[tuple[Path, str]]:
     service = COMPANION_FILE.schema
     tables = {"service": table(service), "vehicle": table(VehicleFile), "site": table(SiteFile)}
     tables |= {"orders": _orders(), "messages": _messages(), "topics": _topics()}
+    tables |= {"parameters": _parameters()}
     tables |= {"channels": _channels(), "texts": _texts(), **_conditions()}
     yield configs / "reference.md", _PAGE.format(**tables)
     for name, model, example in (
@@ -203,6 +212,26 @@ def _messages() -> str:
         f"message | {' | '.join(AUTOPILOTS)}",
         (f"| {name} | {' | '.join(shown(number))} |" for number, name in sorted(names.items())),
     )
+
+
+def _parameters() -> str:
+    from ..mavlink.autopilots import profile  # noqa: PLC0415
+    from ..mavlink.autopilots.parameter_names import Name  # noqa: PLC0415
+    from ..types import AUTOPILOTS  # noqa: PLC0415
+
+    def shown(name: Name) -> str:
+        since = "" if name.since == (0, 0, 0) else f" from {'.'.join(map(str, name.since))}"
+        return f"`{name.name}`{since}{'' if name.scale == 1.0 else f' x {name.scale:g}'}"
+
+    def rows() -> Iterator[str]:
+        for kind in AUTOPILOTS:
+            known = profile(kind)
+            for row in map(known.parameters.row, known.flight_parameters):
+                names = ", ".join(map(shown, row.all_names))
+                counts = "" if row.cautious is None else f"{row.cautious:g}"
+                yield f"| {kind} | {names} | {counts} | {'no' if row.denies else 'yes'} |"
+
+    return _table("autopilot | parameter | counts as | an inspection begins", rows())
 
 
 def _topics() -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
@@ -22,7 +20,6 @@ from ..flights.operator import ACCEPTED, DENIED, Manner
 from ..mavlink.peer import Peer
 from ..preflight.test_aircraft_check import VEHICLE, Look
 
-PAGE = Path(__file__).parents[2] / "configs" / "guides" / "autopilot.md"
 OLD = {"WPNAV_ACCEL": 50.0, "RTL_ALT": 1500.0, "ANGLE_MAX": 3000.0, "PSC_JERK_XY": 5.0}
 NEW = {"WP_ACC": 0.5, "RTL_ALT_M": 15.0, "ATC_ANGLE_MAX": 30.0}
 OURS = {**NEW, "PSC_NE_JERK": 5.0}
@@ -101,21 +98,6 @@ def test_a_name_of_one_release_is_no_name_of_another_parameter():
         assert len(names) == len(set(names))
         assert all(row.all_names[0].name == row.key for row in rows)
         assert all(len(name) <= 16 for name in names)
-
-
-def test_the_manual_has_each_parameter_of_a_flight_with_what_counts_unreported():
-    text = PAGE.read_text(encoding="utf-8").partition("## Parameters that are not reported")[2]
-    for known in PROFILES.values():
-        row = next(line for line in text.splitlines() if line.startswith(f"| {known.name} |"))
-        _, _, cautious, denying, _ = row.split("|")
-        table = known.parameters
-        rows = [table.row(key) for key in known.flight_parameters]
-        assert dict(re.findall(r"`(\w+)` ([\d.]+)", cautious)) == {
-            row.key: f"{row.cautious:g}" for row in rows if row.cautious is not None
-        }
-        assert set(re.findall(r"`(\w+)`", denying)) == {row.key for row in rows if row.denies}
-        for row in rows:
-            assert all(f"`{name.name}`" in text for name in row.all_names)
 
 
 # In flight --------------------------------------------------------------------------------------
