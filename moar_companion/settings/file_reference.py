@@ -16,6 +16,9 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core.core_schema import ModelSchema
+
 from .yaml_schema import FileModel, file_key, is_list
 
 _Schema = dict[str, Any]
@@ -30,8 +33,17 @@ _UNITS = {
 """Units by the ending of a key, the longest first."""
 
 
-def describe(model: type[FileModel], shown: _Schema) -> None:
-    """Adds descriptions, and the defaults of the model's dataclass, to its JSON schema."""
+class _Described(GenerateJsonSchema):
+    """Adds descriptions, and the defaults of a model's dataclass, to its JSON schema."""
+
+    def model_schema(self, schema: ModelSchema) -> JsonSchemaValue:
+        """JSON schema of one model."""
+        shown = super().model_schema(schema)
+        _describe(schema["cls"], shown)
+        return shown
+
+
+def _describe(model: type[FileModel], shown: _Schema) -> None:
     shown["title"] = model.__name__.strip("_").removesuffix("File")
     texts, defaults = _texts(model.settings or model), _defaults(model.settings)
     for key, value in shown["properties"].items():
@@ -43,14 +55,14 @@ def describe(model: type[FileModel], shown: _Schema) -> None:
 
 def json_schema(model: type[FileModel], name: str, example: Any) -> _Schema:
     """The JSON schema of a file. name: its last name in the `$id`."""
-    schema = model.model_json_schema()
+    schema = model.model_json_schema(schema_generator=_Described)
     about = {"$schema": _DIALECT, "$id": f"urn:moar-companion:{name}"}
     return {**about, **schema, "examples": [example]}
 
 
 def table(model: type[FileModel]) -> str:
     """The keys of a file as a table: key, unit, default, range, meaning."""
-    schema = model.model_json_schema()
+    schema = model.model_json_schema(schema_generator=_Described)
     rows = ["| key | unit | default | range | meaning |", "|---|---|---|---|---|"]
     return "\n".join([*rows, *_rows(schema, schema.get("$defs", {}), "")])
 

@@ -20,7 +20,6 @@ from pydantic import (
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     GetPydanticSchema,
     Strict,
     StringConstraints,
@@ -48,15 +47,6 @@ class FileModel(BaseModel):
         # Built when a file is first read: nested models are built as parts of it.
         defer_build=True,
     )
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> Any:
-        """The JSON schema with the descriptions and defaults of the keys."""
-        from .file_reference import describe  # noqa: PLC0415 - no flight needs it
-
-        shown = handler(core)
-        describe(cls, handler.resolve_ref_schema(shown))
-        return shown
 
 
 def _printable(text: str) -> str:
