@@ -73,7 +73,8 @@ no serial port.
 ## Parameters of the autopilot
 
 Those on which a flight depends, by their names in each release, with the factor to the newest
-one's unit. While one is not reported, its most cautious value counts, or no inspection begins:
+one's unit. While one is not reported, its most cautious value counts, where there is one. Where
+the last column says *no*, no inspection begins:
 [guide](guides/autopilot.md#parameters-that-are-not-reported).
 
 {parameters}

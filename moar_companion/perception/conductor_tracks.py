@@ -128,14 +128,18 @@ class ConductorTracks:
                 own |= x * x + z * z < _OWN_M**2
         return own
 
-    def shift(self, step_m: Vector) -> None:
-        """Moves all conductors by (x, y, z)."""
+    def shift(
+        self, step_m: Vector, *, after_s: float = -math.inf, until_s: float = math.inf
+    ) -> None:
+        """Moves by (x, y, z) the conductors that were last seen after one time, until another."""
         self._tracks = [
             replace(
                 track,
                 x_m=track.x_m + step_m[0] - step_m[1] * track.slope[0],
                 z_m=track.z_m + step_m[2] - step_m[1] * track.slope[1],
             )
+            if after_s < track.seen_s <= until_s
+            else track
             for track in self._tracks
         ]
 

@@ -115,6 +115,11 @@ class LineTracker:
         return np.asarray(points_m + np.array([x_m, 0.0, z_m]) + turned)
 
     @property
+    def seen_s(self) -> float | None:
+        """Time of the last scan that was matched; None before that, and once it may be too old."""
+        return self._seen_s
+
+    @property
     def is_known(self) -> bool:
         """True from a match on, until the estimate may have drifted too far."""
         return self._seen_s is not None

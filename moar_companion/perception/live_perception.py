@@ -57,7 +57,7 @@ _GROUND_COLUMNS, _COLUMN_M = 8, 2.0
 """Least number of columns with lowest points that are ground; a beam in the air is shorter."""
 _RELEASED_M = 0.3
 _MOVED_M = 0.3
-"""Change of the offset from scan to scan that no drift explains: it has become known."""
+"""Change of the offset from match to match that no drift between two scans explains."""
 _OFTEN = 10
 """Number of sightings after which the place of a wire is known to a few centimetres."""
 _AIRCRAFT = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
@@ -102,6 +102,10 @@ class LivePerception:
         self._line = LineTracker(item.position_m for item in site.conductors)
         self._placed_m: PlanePoint = (0.0, 0.0)
         """Offset with which tracks and cells are placed."""
+        self._matched_s = -math.inf
+        """Time of the last scan that has shown the offset."""
+        self._moved_m: PlanePoint = (0.0, 0.0)
+        """Sum of the moves of tracks and cells since then, with an estimate that is followed."""
         self._tracks = ConductorTracks()
         self._occupancy = Occupancy(site)
         self._random = np.random.default_rng(0)
@@ -160,18 +164,31 @@ class LivePerception:
         self._move(step_m)
 
     def _move(self, step_m: Vector) -> None:
-        """Moves tracks and cells."""
+        """Moves tracks and cells with the estimate, while no line shows the offset."""
+        self._moved_m = self._moved_m[0] + step_m[0], self._moved_m[1] + step_m[2]
         self._tracks.shift(step_m)
         self._occupancy.shift(step_m[0], step_m[2])
 
     def _to_line(self) -> FloatArray:
         """Step (3,) from places by the estimate to the line's frame.
 
-        Where the offset becomes known, or known anew, what was seen before moves with it.
+        After a gap in which the estimate has drifted or jumped, what was seen in the gap moves with
+        the offset. What was last seen before it returns to where the line had it.
         """
         (x_m, z_m), before_m = self._line.offset_m, self._placed_m
-        if math.dist((x_m, z_m), before_m) > _MOVED_M:
-            self._move((x_m - before_m[0], 0.0, z_m - before_m[1]))
+        step_m = x_m - before_m[0], 0.0, z_m - before_m[1]
+        matched_s, gap_from_s = self._line.seen_s, self._matched_s
+        if matched_s is None:
+            if any(step_m):
+                self._move(step_m)
+        elif matched_s != gap_from_s:
+            first = not math.isfinite(gap_from_s)
+            if first or any(self._moved_m) or math.hypot(*step_m) > _MOVED_M:
+                back_m = -self._moved_m[0], 0.0, -self._moved_m[1]
+                self._tracks.shift(back_m, until_s=gap_from_s)
+                self._tracks.shift(step_m, after_s=gap_from_s)
+                self._occupancy.shift(step_m[0], step_m[2])
+            self._matched_s, self._moved_m = matched_s, (0.0, 0.0)
         self._placed_m = x_m, z_m
         return np.array([x_m, 0.0, z_m])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from unittest import mock
 
@@ -11,6 +12,7 @@ import shapely
 
 from moar_companion.perception.lidar_scan import PacketFault
 from moar_companion.perception.live_perception import LivePerception
+from moar_companion.planner.site import Conductor
 from moar_companion.settings.perception_config import Perception, Sensor, SensorMount
 from sitl.lidar import Box, LidarScene, Prism, Tree, Wire
 from tests.perception.live import SITE, VELODYNE, Flight, Rig, last
@@ -24,6 +26,23 @@ AHEAD = Wire(start_m=(8.0, -40.0, 15.0), end_m=(8.0, 40.0, 15.0))
 HOVER = Flight(at_m=(0.0, 0.0, 12.0))
 SWAYING = replace(HOVER, velocity_mps=(1.0, 0.0, 0.3), tilt_rad=0.06, position_noise_m=0.03)
 POINTS = Perception(sensor=Sensor.MAVLINK)
+
+
+def wire(x_m, z_m):
+    return Wire(start_m=(x_m, -40.0, z_m), end_m=(x_m, 40.0, z_m))
+
+
+def place_of(wire):
+    return wire.start_m[0], wire.start_m[2]
+
+
+def with_conductors(wires):
+    """The site with these wires."""
+    conductors = (
+        Conductor(name=f"{place_m}", position_m=place_m, radius_m=0.02, keep_out_m=1.0)
+        for place_m in map(place_of, wires)
+    )
+    return replace(SITE, obstacles=tuple(conductors))
 
 
 def solid(report):
@@ -137,6 +156,66 @@ def test_a_conductor_that_is_gone_from_in_front_of_a_wall_is_dropped_within_thre
     assert len(last(rig, 1.0).conductors) == 1
     rig.look_at(LidarScene(boxes=(WALL,)))
     assert last(rig, 3.0).conductors == ()
+
+
+LINE = (wire(7.0, 10.0), wire(7.0, 13.5), wire(7.0, 17.0))
+BESIDE = wire(-6.0, 13.0)
+
+
+def drifting(rig, seconds, up_m):
+    """Runs while the estimate's height drifts by `up_m`."""
+    began_m, steps = rig.flight.height_error_m, round(10 * seconds)
+    for step in range(1, steps + 1):
+        rig.flight = replace(rig.flight, height_error_m=began_m + up_m * step / steps)
+        list(rig.run(0.1))
+
+
+def assert_hang(report, *wires):
+    """The conductors of a report are these wires, and no others."""
+    seen_m = [each.position_m for each in report.conductors]
+    assert len(seen_m) == len(wires), seen_m
+    for place_m in map(place_of, wires):
+        assert min(math.dist(place_m, each) for each in seen_m) < 0.15, seen_m
+
+
+@pytest.fixture
+def at_the_line():
+    """Hovers before the line, with its place by it, and a wire beside the line."""
+    scene, settings = LidarScene(wires=(*LINE, BESIDE)), replace(VELODYNE, fly_by_line=True)
+    rig = Rig(scene, HOVER, settings=settings)
+    rig.perception = LivePerception(rig.settings, with_conductors(LINE))
+    assert_hang(last(rig, 2.0), *LINE, BESIDE)
+    return rig
+
+
+@pytest.mark.slow
+def test_after_a_gap_in_which_the_estimate_has_drifted_conductors_are_where_they_were(at_the_line):
+    at_the_line.look_at(LidarScene())
+    drifting(at_the_line, 5.0, 1.2)
+    at_the_line.look_at(LidarScene(wires=LINE))
+    report = last(at_the_line, 3.0)
+    assert_hang(report, *LINE, BESIDE)
+    assert report.line.offset_m == pytest.approx((0.0, -1.2), abs=0.1)
+
+
+@pytest.mark.slow
+def test_what_was_seen_in_the_gap_of_the_line_moves_with_the_offset(at_the_line):
+    at_the_line.look_at(LidarScene(wires=(BESIDE,)))
+    drifting(at_the_line, 7.0, 1.5)
+    at_the_line.look_at(LidarScene(wires=LINE))
+    assert_hang(last(at_the_line, 2.0), *LINE, BESIDE)
+
+
+@pytest.mark.slow
+def test_a_jump_while_nothing_of_the_line_is_known_moves_nothing_for_good(at_the_line):
+    at_the_line.packets_flow = False
+    list(at_the_line.run(11.0))
+    at_the_line.packets_flow = True
+    at_the_line.look_at(LidarScene())
+    at_the_line.jump((1.2, 0.0, -1.4))
+    list(at_the_line.run(0.5))
+    at_the_line.look_at(LidarScene(wires=LINE))
+    assert_hang(last(at_the_line, 3.0), *LINE, BESIDE)
 
 
 @pytest.mark.parametrize("boxes", [(), (WALL,)], ids=["sky", "a wall"])
