@@ -67,3 +67,26 @@ def test_a_refusal_of_the_autopilot_is_shown_without_a_text_of_the_companion():
     with operator_of([acknowledged(176)]) as operator, pytest.raises(OperatorError) as refused:
         operator.command("OFFBOARD", 176, 1, 6)
     assert str(refused.value) == "OFFBOARD: TEMPORARILY_REJECTED"
+
+
+@pytest.mark.parametrize(
+    ("rate", "stalled_s", "late"),
+    [(1.0, 0.0, False), (0.987, 0.0, False), (1.0, 6.0, True), (0.95, 0.0, True)],
+    ids=["as ours", "PX4's simulator", "stalled once", "too slow a machine"],
+)
+def test_a_clock_that_is_a_little_slow_is_no_delay_of_the_simulator(
+    monkeypatch, rate, stalled_s, late
+):
+    (port,) = free_ports(1)
+    operator = Operator(port, MANNERS["px4"], speed=1.0, meanwhile=lambda: None)
+    codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    try:
+        for now_s, boot_s in ((1000.0, 30.0), (1200.0 + stalled_s, 30.0 + 200.0 * rate)):
+            monkeypatch.setattr(operator, "_now_s", lambda now_s=now_s: now_s)
+            zeros = (0,) * 8
+            position = mavlink.MAVLink_global_position_int_message(round(1e3 * boot_s), *zeros)
+            position.pack(codec)
+            operator._take(position)
+        assert (operator.lag_s > 2.0) is late
+    finally:
+        operator.close()
