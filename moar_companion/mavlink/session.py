@@ -29,12 +29,12 @@ from .commands import (
     Sender,
     UnsupportedCommand,
 )
-from .dialect import Message, create, mavlink
+from .component.services import Asker, ComponentServices
+from .dialect import Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .outbox import Outbox
 from .own_ids import ComponentConflict, OwnIds
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
-from .rate_limits import SenderLimit
 from .received_commands import ReceivedCommands
 from .signing import LinkSigning, SignedLinks
 from .statustext import Severity, StatusTexts
@@ -43,51 +43,6 @@ from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_outgoing import SystemStatus
 
 __all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
-
-_TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
-_PING = int(mavlink.MAVLINK_MSG_ID_PING)
-
-_ANSWERED_IDS: frozenset[int] = frozenset({_TIMESYNC, _PING})
-"""Messages that may get an answer."""
-
-_ALL = (0, 0)
-
-
-def answer_limit() -> SenderLimit:
-    """Limit of answers, except to the autopilot: 5 a second for a sender, 20 for a link."""
-    return SenderLimit(burst=5, rate_hz=5.0, link_burst=20, link_rate_hz=20.0)
-
-
-def request_answer(
-    message: Message, *, ours: tuple[int, int], autopilot: tuple[int, int] | None, now_s: float
-) -> Message | None:
-    """Returns the answer to a request, for its link; None if none is due.
-
-    ours (the companion's), autopilot: system and component ids. Answered are TIMESYNC requests
-    (tc1 = 0) to the companion, the autopilot's to all, and PING without a target.
-    """
-    source = (message.get_srcSystem(), message.get_srcComponent())
-    message_id = message.get_msgId()
-    if message_id == _TIMESYNC and message.tc1 == 0:
-        target = (message.target_system, message.target_component)
-        if target == ours or (target == _ALL and source == autopilot):
-            return create(
-                "TIMESYNC",
-                tc1=max(1, int(now_s * 1e9)),
-                ts1=message.ts1,
-                target_system=source[0],
-                target_component=source[1],
-            )
-    if message_id == _PING and (message.target_system, message.target_component) == _ALL:
-        return create(
-            "PING",
-            time_usec=message.time_usec,
-            seq=message.seq,
-            target_system=source[0],
-            target_component=source[1],
-        )
-    return None
-
 
 _MAX_PACKETS = 4096
 """Limit of packets kept for a record until they are taken: ten seconds of PX4."""
@@ -104,7 +59,7 @@ _COMMANDS = frozenset(
 _WANTED = (
     telemetry_receiver.MESSAGE_IDS
     | autopilot_requests.MESSAGE_IDS
-    | _ANSWERED_IDS
+    | ComponentServices.MESSAGE_IDS
     | _COMMANDS
     | {_COMMAND_ACK}
 )
@@ -165,7 +120,8 @@ class Session:
         """Requests of the autopilot: parameters, fence, message rates."""
         self.commands = ReceivedCommands(commands)
         """Commands to the companion, until their final answers."""
-        self._answers = answer_limit()
+        self.services = ComponentServices(links)
+        """Services for ground stations."""
         self._texts = StatusTexts()
         self._own_ids = OwnIds()
         self._events: list[Event] = []
@@ -314,7 +270,7 @@ class Session:
                 self._receive_acknowledgement(message, now_s)
         if message_id in _COMMANDS:
             self._receive_command(link, message, now_s)
-        elif message_id in _ANSWERED_IDS:
+        elif message_id in ComponentServices.MESSAGE_IDS:
             self._receive_request(link, message, now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:
@@ -341,30 +297,41 @@ class Session:
             self._events.append(answered)
 
     def _receive_request(self, link: str, message: Message, now_s: float) -> None:
-        autopilot = self.autopilot
-        answer = request_answer(
-            message, ours=self._ids, autopilot=autopilot.ids if autopilot else None, now_s=now_s
-        )
-        is_autopilots = self._receiver.is_autopilots(message, link)
-        if answer is not None and (is_autopilots or self._may_ask(link, message, now_s)):
-            self._outbox.send(link, answer)
-
-    def _may_ask(self, link: str, message: Message, now_s: float) -> bool:
-        """Returns True if a request's sender gets an answer: one that may be a peer, within a rate.
+        """Passes a request to the services, if its sender may be a peer.
 
         An answer is sent to all peers of a link and uses its bandwidth to the autopilot.
         """
         system_id, component_id = _source(message)
+        is_autopilots = self._receiver.is_autopilots(message, link)
+        if not is_autopilots and not self._may_be_peer(link, system_id):
+            return
         sender = Sender(link=link, system_id=system_id, component_id=component_id)
-        return self._may_be_peer(link, system_id) and self._answers.allows(sender, now_s)
+        objection = self.commands.permissions.objection(
+            sender, vehicle_id=self._system_id, signed=message.get_signed()
+        )
+        answer = self.services.receive(
+            message,
+            Asker(sender=sender, objection=objection),
+            ours=self._ids,
+            is_autopilots=is_autopilots,
+            now_s=now_s,
+        )
+        if answer is not None:
+            self._outbox.send(link, answer)
 
     # Out
 
     def tick(self, now_s: float, system_status: SystemStatus, custom_mode: int = 0) -> None:
-        """Queues the heartbeat and all requests that are due."""
+        """Queues the heartbeat, requests that are due, and then answers of the services."""
         self._now_s = now_s
         self._outbox.send_heartbeat_if_due(now_s, system_status, custom_mode)
         self._receiver.identity.forget_silent(now_s)
+        self._send_requests(now_s)
+        for link, message in self.services.due(now_s):
+            self._outbox.send(link, message)
+
+    def _send_requests(self, now_s: float) -> None:
+        """Queues the requests to the autopilot that are due; counts its packets."""
         autopilot = self.autopilot
         if autopilot is None:
             self.requests.identify(now_s)

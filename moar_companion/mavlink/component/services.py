@@ -1,0 +1,130 @@
+"""The hook of the session for all services of the component: who is answered, and how much. No I/O.
+
+Answers to TIMESYNC and PING are sent at once, within a rate, since they measure a round trip. All
+others wait for room in their link's budget (`link_budget`): first short answers in the order of
+their requests, then the lists and files that were asked for on the link, in turn.
+Memory and cost of a packet are bounded, for any number of requests.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from ..commands import Sender
+from ..dialect import Message
+from ..rate_limits import SenderLimit
+from .link_budget import LinkBudget
+from .requested_messages import CLOCK_IDS, clock_answer
+
+_MOST_WAITING = 64
+"""Limit of short answers that wait on a link; beyond it a request gets none and is repeated."""
+_MOST_A_CYCLE = 16
+"""Limit of the packets of one cycle and link: at 50 Hz more than any budget pays for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asker:
+    """Sender of a request."""
+
+    sender: Sender
+    objection: str | None
+    """Reason why it may not command, and so may not set anything; None if it may."""
+
+
+class ComponentService(Protocol):
+    """What a ground station asks of the component. Every call takes constant time."""
+
+    MESSAGE_IDS: frozenset[int]
+    """Messages that it reads; all have a target system and component."""
+
+    def handle(self, message: Message, asker: Asker, now_s: float) -> list[Message]:
+        """Takes a request to the companion or to all components; returns its short answers."""
+
+    def next_answer(self, link: str, most_bytes: int, now_s: float) -> Message | None:
+        """Next packet of a list or a file that was asked for on this link; None: none is due.
+
+        most_bytes: size of the largest packet, with 25 bytes around the payload, where the service
+        chooses its size.
+        """
+
+
+class ComponentServices:
+    """The services of one component on all its links."""
+
+    MESSAGE_IDS: frozenset[int] = CLOCK_IDS
+    """Messages that a service reads."""
+
+    def __init__(self, links: Iterable[str]) -> None:
+        self._services: tuple[ComponentService, ...] = ()
+        self._budgets = {link: LinkBudget(link) for link in links}
+        self._waiting: dict[str, deque[Message]] = {link: deque() for link in self._budgets}
+        self._next = dict.fromkeys(self._budgets, 0)
+        """Service whose turn it is, by link."""
+        self._at_once = _answer_limit()
+
+    def receive(
+        self,
+        message: Message,
+        asker: Asker,
+        *,
+        ours: tuple[int, int],
+        is_autopilots: bool,
+        now_s: float,
+    ) -> Message | None:
+        """Takes a message of `MESSAGE_IDS`; returns the answer that is sent at once, if any.
+
+        ours: system and component id of the companion. is_autopilots: True for the autopilot's.
+        """
+        if message.get_msgId() in CLOCK_IDS:
+            answer = clock_answer(message, ours=ours, is_autopilots=is_autopilots, now_s=now_s)
+            if answer is None or is_autopilots or self._at_once.allows(asker.sender, now_s):
+                return answer
+            return None
+        waiting = self._waiting[asker.sender.link]
+        if not _is_addressed_to(message, ours) or len(waiting) >= _MOST_WAITING:
+            return None
+        for service in self._services:
+            if message.get_msgId() in service.MESSAGE_IDS:
+                waiting.extend(service.handle(message, asker, now_s))
+        return None
+
+    def due(self, now_s: float) -> list[tuple[str, Message]]:
+        """Answers that the links have room for now, each with its link."""
+        return [
+            (link, message)
+            for link, budget in self._budgets.items()
+            for message in self._due_on(link, budget, now_s)
+        ]
+
+    def _due_on(self, link: str, budget: LinkBudget, now_s: float) -> list[Message]:
+        due: list[Message] = []
+        while len(due) < _MOST_A_CYCLE and budget.is_open(now_s):
+            message = self._next_on(link, budget.largest_bytes, now_s)
+            if message is None:
+                break
+            budget.spend(message)
+            due.append(message)
+        return due
+
+    def _next_on(self, link: str, most_bytes: int, now_s: float) -> Message | None:
+        if self._waiting[link]:
+            return self._waiting[link].popleft()
+        for _ in self._services:
+            service = self._services[self._next[link]]
+            self._next[link] = (self._next[link] + 1) % len(self._services)
+            message = service.next_answer(link, most_bytes, now_s)
+            if message is not None:
+                return message
+        return None
+
+
+def _answer_limit() -> SenderLimit:
+    """Limit of answers at once, except to the autopilot: 5 a second for a sender, 20 for a link."""
+    return SenderLimit(burst=5, rate_hz=5.0, link_burst=20, link_rate_hz=20.0)
+
+
+def _is_addressed_to(message: Message, ours: tuple[int, int]) -> bool:
+    return message.target_system in {0, ours[0]} and message.target_component in {0, ours[1]}
