@@ -39,7 +39,7 @@ _STYLES = ("green", "cyan", "yellow", "bold red")
 """Colours by level."""
 _STOP_THE_SERVICE = "stop the service: systemctl stop moar-companion, or what else uses it"
 _LINK_REMEDIES = {
-    errno.ENOENT: "is it plugged in? `ls /dev/tty*` shows what is",
+    errno.ENOENT: "is it plugged in? `ls /dev/tty* /dev/serial/by-id/*` shows what is",
     errno.EACCES: "allow it: sudo usermod -aG dialout $USER, then log in again",
     errno.EADDRINUSE: _STOP_THE_SERVICE,
     errno.EAGAIN: _STOP_THE_SERVICE,

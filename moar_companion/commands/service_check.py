@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..companion.error_margin import margin_of, sight_speed_mps
 from ..companion.preflight.findings import Finding, Level
 from ..errors import InputError, LinkError
+from ..mavlink.urls import LinkKind, parse_url
 from ..planner.site import Site
 from ..service.directories import Directory, recorder_folder, state_folder, view_socket
 from ..service.perception_process import tried
@@ -17,6 +20,10 @@ from ..settings.mqtt_config import Mqtt, broker_address
 from ..settings.vehicle import Vehicle
 from .service import INSTALLED_CONFIG
 
+_BY_ID = Path("/dev/serial/by-id")
+"""Udev's names of serial devices by maker, product and serial number."""
+_NUMBERED = re.compile(r"/dev/tty(USB|ACM)\d+")
+"""Names of serial devices by the order in which they were plugged in."""
 _OWN_HOSTS = {"127.0.0.1", "::1", "localhost"}
 _LONGEST_SOCKET_PATH = 107
 """Longest path in Linux's sun_path, in bytes."""
@@ -49,6 +56,7 @@ def service_findings(
                 for link in config.links
             ),
         ),
+        *_numbered_devices(config),
         _folder(
             "recorder",
             recorder_folder(config),
@@ -76,6 +84,23 @@ def service_findings(
         text = "none: telemetry and risk only, no mission is flown"
         found.append(Finding(level=Level.NOTE, subject="site", text=text))
     return found
+
+
+def _numbered_devices(config: CompanionConfig) -> Iterator[Finding]:
+    """Yields a warning for each serial link whose device may come back under another name."""
+    for link in config.links:
+        address = parse_url(link.url)
+        if address.kind is not LinkKind.SERIAL or not _NUMBERED.fullmatch(address.device):
+            continue
+        device = Path(address.device)
+        names = [name for name in sorted(_BY_ID.glob("*")) if name.resolve() == device]
+        better = f"serial:{names[0]}:{address.baud}" if names else f"a name of `ls -l {_BY_ID}`"
+        yield Finding(
+            level=Level.WARNING,
+            subject="links",
+            text=f"{device} may have another number after it is unplugged, or a restart",
+            remedy=f"use {better}",
+        )
 
 
 def _mqtt(settings: Mqtt) -> Finding:

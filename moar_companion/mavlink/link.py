@@ -30,8 +30,12 @@ from .peers import Address
 from .udp_link import open_udp
 from .urls import LinkAddress, LinkKind
 
-_RECONNECT_S = 1.0
-"""Pause before reconnecting."""
+_FIRST_PAUSE_S = 0.1
+_LONGEST_PAUSE_S = 2.0
+"""Pause before reconnecting: doubled after each failure, up to the longest."""
+_STEADY_S = 1.0
+"""Duration of a connection that counts as success: a peer that accepts and closes at once, or a
+device that opens and fails at once, is retried ever less often."""
 _CONNECT_TIMEOUT_S = 5.0
 _READ_BYTES = 4096
 _UNSENT_BYTES = 512
@@ -45,6 +49,10 @@ _TCP_NOTSENT_LOWAT = 25
 """Linux constant; the socket module has it from Python 3.12 on."""
 _BITS_PER_BYTE = 10
 """Bits of a byte on a serial line: start bit, eight data bits, stop bit."""
+
+_FAILURES = (OSError, ValueError, termios.error, asyncio.TimeoutError)
+"""Failures to connect. pyserial raises ValueError for a baud rate that the device refuses, and
+termios.error for a device that fails while it is configured."""
 
 _logger = logging.getLogger(__name__)
 
@@ -67,7 +75,9 @@ async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Li
     """Opens the link to an address; calls on_bytes in the loop with received bytes.
 
     Raises LinkError with one line if the link cannot be opened: a port in use, a missing device, a
-    name that is not found. An absent TCP peer and a connection lost later are retried every second.
+    name that is not found. An absent TCP peer and a connection lost later are retried, after 0.1 s
+    first, in the end every 2 s. A device's name is looked up again each time: `/dev/serial/by-id/…`
+    may lead to another tty then.
     """
     if address.kind in {LinkKind.UDP_LISTEN, LinkKind.UDP_SEND}:
         datagrams = await open_udp(address, on_bytes)
@@ -140,26 +150,37 @@ class _Reconnecting:
             self._connection = await self._connect()
         except socket.gaierror as error:
             raise LinkError(f"{self._address}: {reason(error)}") from error
-        except (OSError, ValueError, asyncio.TimeoutError) as error:
+        except _FAILURES as error:
             if self._address.kind is LinkKind.SERIAL:
                 raise LinkError(f"{self._address}: {reason(error)}") from error
             self._complain(reason(error))
 
     async def keep_open_loop(self) -> None:
         """Reconnects after each end of the connection; never returns."""
+        pause_s = _FIRST_PAUSE_S
         while True:
             if self._connection is not None:
+                if await self._is_steady(self._connection):
+                    pause_s = _FIRST_PAUSE_S
                 why = await self._connection.lost
                 self.close()
                 self._complain(why)
-            await asyncio.sleep(_RECONNECT_S)
+            await asyncio.sleep(pause_s)
+            pause_s = min(2.0 * pause_s, _LONGEST_PAUSE_S)
             try:
                 self._connection = await self._connect()
-            except (OSError, asyncio.TimeoutError) as error:
+            except _FAILURES as error:
                 self._complain(reason(error))
-            else:
-                self._failing = False
-                _logger.info("%s: connected again", self._address)
+
+    async def _is_steady(self, connection: _Connection) -> bool:
+        """Waits for the end of a connection or for success, and logs success after a failure."""
+        await asyncio.wait({connection.lost}, timeout=_STEADY_S)
+        if connection.lost.done():
+            return False
+        if self._failing:
+            self._failing = False
+            _logger.info("%s: connected again", self._address)
+        return True
 
     def send(
         self, data: bytes, within_s: float = math.inf, _peers: Sequence[Address] = (), /

@@ -34,6 +34,8 @@ def reason(error: BaseException) -> str:
         return "no answer"
     if isinstance(error.__context__, termios.error) and error.__context__.args[0] == errno.ENOTTY:
         return "is no serial port"
+    if isinstance(error, termios.error):
+        return os.strerror(error.args[0]).lower()
     if isinstance(error, OSError):
         if error.errno == errno.EADDRNOTAVAIL:
             return "is no address of this computer"

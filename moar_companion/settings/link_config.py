@@ -22,9 +22,10 @@ class LinkConfig:
     """One link (`mavlink/urls`)."""
 
     url: str
-    """`udp:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT` or `serial:DEVICE:BAUD`, each once. At
-    57600 baud only as `serial:`: over UDP and TCP the mode is requested at 50 Hz instead of 20, too
-    much for such a line behind a router with PX4."""
+    """`udp:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT` or `serial:DEVICE:BAUD`, each once. USB
+    devices by a name in `/dev/serial/by-id`: their numbers (`ttyUSB0`, `ttyACM0`) change. At 57600
+    baud only as `serial:`: over UDP and TCP the mode is requested at 50 Hz instead of 20, too much
+    for such a line behind a router with PX4."""
     role: LinkRole = LinkRole.AUTOPILOT
     """The other end of the link."""
     signed: bool = False

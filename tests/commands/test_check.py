@@ -77,6 +77,31 @@ def test_a_key_without_a_signed_link_is_a_warning_and_signed_links_are_named(cap
         assert ("udp:127.0.0.1:14540 (autopilot, signed)" in out) == signed
 
 
+def test_a_serial_device_whose_number_may_change_is_a_warning_with_its_lasting_name(
+    capsys, tmp_path, monkeypatch
+):
+    by_id, config = tmp_path / "by-id", tmp_path / "companion.yaml"
+    monkeypatch.setattr("moar_companion.commands.service_check._BY_ID", by_id)
+
+    def warnings(device):
+        config.write_text(f"vehicle: {X500}\nlinks: [{{url: 'serial:{device}:57600'}}]\n")
+        assert check("--config", config) == 0
+        return [line for line in capsys.readouterr().out.splitlines() if "  warning" in line]
+
+    for device in ("/dev/ttyUSB0", "/dev/ttyACM12"):
+        (line,) = warnings(device)
+        assert f"  warning  links: {device} may have another number after" in line
+        assert line.endswith(f"; use a name of `ls -l {by_id}`")
+    for device in ("/dev/ttyTHS1", "/dev/ttyAMA0", "/dev/serial/by-id/usb-FTDI-if00-port0"):
+        assert warnings(device) == []
+    by_id.mkdir()
+    (by_id / "usb-FTDI_FT232R_A10KZP4M-if00-port0").symlink_to("/dev/ttyUSB0")
+    (by_id / "usb-Silicon_Labs_CP2102_0001-if00-port0").symlink_to("/dev/ttyUSB1")
+    assert warnings("/dev/ttyUSB1")[0].endswith(
+        f"; use serial:{by_id}/usb-Silicon_Labs_CP2102_0001-if00-port0:57600"
+    )
+
+
 def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_udp_port):
     link = f"udp:127.0.0.1:{unused_udp_port}"
     config = tmp_path / "companion.yaml"

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import fcntl
 import logging
 import math
@@ -9,6 +10,7 @@ import os
 import pty
 import socket
 import sys
+import termios
 import threading
 import time
 import tty
@@ -58,8 +60,14 @@ def free_port(kind):
         return probe.getsockname()[1]
 
 
-def udp_listen(port):
-    return LinkAddress(kind=LinkKind.UDP_LISTEN, host="127.0.0.1", port=port)
+def at_once(monkeypatch):
+    """Reconnects without a pause, and counts each connection as success."""
+    monkeypatch.setattr(link_module, "_FIRST_PAUSE_S", 0.0)
+    monkeypatch.setattr(link_module, "_STEADY_S", 0.0)
+
+
+def udp_listen(port, host="127.0.0.1"):
+    return LinkAddress(kind=LinkKind.UDP_LISTEN, host=host, port=port)
 
 
 def udp_send(port, host="127.0.0.1"):
@@ -70,12 +78,16 @@ def tcp(port, host="127.0.0.1"):
     return LinkAddress(kind=LinkKind.TCP, host=host, port=port)
 
 
-async def test_two_udp_links_exchange_data():
+HOSTS = pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+
+
+@HOSTS
+async def test_two_udp_links_exchange_data(host):
     port = free_port(socket.SOCK_DGRAM)
     here, there = Received(), Received()
-    async with open_link(udp_listen(port), here) as listener:
+    async with open_link(udp_listen(port, host), here) as listener:
         listener.send(b"nobody is there yet")
-        async with open_link(udp_send(port), there) as sender:
+        async with open_link(udp_send(port, host), there) as sender:
             sender.send(b"hello")
             await here.until(b"hello")
             listener.send(b"welcome", math.inf, here.addresses)
@@ -103,6 +115,24 @@ async def test_a_listening_link_sends_to_its_peers_alone():
         await second.until(b"second")
     assert first.data == b"both"
     assert second.data == b"bothsecond"
+
+
+async def test_a_listening_link_whose_peer_is_gone_receives_the_next_one():
+    port = free_port(socket.SOCK_DGRAM)
+    here = Received()
+    async with open_link(udp_listen(port), here) as listener:
+        async with open_link(udp_send(port), Received()) as gone:
+            gone.send(b"first")
+            await here.until(b"first")
+        for _ in range(100):
+            listener.send(b"to a closed port", math.inf, here.addresses)
+        there = Received()
+        async with open_link(udp_send(port), there) as following:
+            following.send(b"second")
+            await here.until(b"second")
+            listener.send(b"welcome", math.inf, here.addresses)
+            await there.until(b"welcome")
+    assert len(here.addresses) == 2
 
 
 class Arrivals:
@@ -226,8 +256,8 @@ class Server:
         self.writers = []
         self.connected = asyncio.Event()
 
-    async def serve(self, port):
-        self._server = await asyncio.start_server(self._accept, "127.0.0.1", port)
+    async def serve(self, port, host="127.0.0.1"):
+        self._server = await asyncio.start_server(self._accept, host, port)
         return self._server.sockets[0].getsockname()[1]
 
     async def _accept(self, reader, writer):
@@ -251,12 +281,13 @@ class Server:
         self._server.close()
 
 
-async def test_a_lost_tcp_link_reconnects(monkeypatch, caplog):
-    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+@HOSTS
+async def test_a_lost_tcp_link_reconnects(host, monkeypatch, caplog):
+    at_once(monkeypatch)
     caplog.set_level(logging.INFO, logger=link_module.__name__)
     server, here = Server(), Received()
-    port = await server.serve(0)
-    async with open_link(tcp(port), here) as link:
+    port = await server.serve(0, host)
+    async with open_link(tcp(port, host), here) as link:
         await server.until_connected()
         link.send(b"first")
         await server.received.until(b"first")
@@ -267,6 +298,8 @@ async def test_a_lost_tcp_link_reconnects(monkeypatch, caplog):
         while b"second" not in server.received.data:
             link.send(b"second")
             await asyncio.sleep(0)
+        while len(caplog.records) < 2:  # noqa: ASYNC110 — the log has no event
+            await asyncio.sleep(0)
     server.stop()
     levels = [record.levelname for record in caplog.records]
     assert levels == ["WARNING", "INFO"]
@@ -274,7 +307,7 @@ async def test_a_lost_tcp_link_reconnects(monkeypatch, caplog):
 
 
 async def test_a_tcp_link_connects_to_a_peer_that_starts_later(monkeypatch, caplog):
-    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+    at_once(monkeypatch)
     caplog.set_level(logging.DEBUG, logger=link_module.__name__)
     port = free_port(socket.SOCK_STREAM)
     server = Server()
@@ -289,8 +322,103 @@ async def test_a_tcp_link_connects_to_a_peer_that_starts_later(monkeypatch, capl
     assert levels[:3] == ["WARNING", "DEBUG", "DEBUG"]
 
 
+async def test_a_tcp_server_that_restarts_is_connected_to_again(monkeypatch, caplog):
+    at_once(monkeypatch)
+    caplog.set_level(logging.DEBUG, logger=link_module.__name__)
+    server, later, here = Server(), Server(), Received()
+    port = await server.serve(0)
+    async with open_link(tcp(port), here):
+        await server.until_connected()
+        server.stop()
+        while "connection refused" not in caplog.text:  # noqa: ASYNC110 — the log has no event
+            await asyncio.sleep(0)
+        await later.serve(port)
+        await later.until_connected()
+        later.writers[0].write(b"started again")
+        await here.until(b"started again")
+    later.stop()
+
+
+@pytest.fixture
+def pauses_s(monkeypatch):
+    """Pauses of a link before its attempts, which take no time here."""
+    pauses_s, sleep = [], asyncio.sleep
+
+    async def skip(delay_s):
+        if delay_s > 0.0:
+            pauses_s.append(delay_s)
+        await sleep(0)
+
+    monkeypatch.setattr(asyncio, "sleep", skip)
+    return pauses_s
+
+
+BACKOFF_S = [0.1, 0.2, 0.4, 0.8, 1.6, 2.0, 2.0, 2.0]
+
+
+async def enough_attempts(pauses_s):
+    while len(pauses_s) < len(BACKOFF_S):  # noqa: ASYNC110 — each fails by itself
+        await asyncio.sleep(0)
+
+
+async def test_a_peer_that_accepts_and_closes_at_once_is_retried_ever_less_often(pauses_s, caplog):
+    caplog.set_level(logging.DEBUG, logger=link_module.__name__)
+    accepted = []
+
+    def close_at_once(_reader, writer):
+        accepted.append(writer)
+        writer.transport.abort()
+
+    server = await asyncio.start_server(close_at_once, "127.0.0.1", 0)
+    async with server, open_link(tcp(server.sockets[0].getsockname()[1]), Received()):
+        await enough_attempts(pauses_s)
+    assert pauses_s[: len(BACKOFF_S)] == BACKOFF_S
+    assert len(accepted) <= len(pauses_s) + 1
+    levels = {record.levelname for record in caplog.records[1:]}
+    assert (caplog.records[0].levelname, levels) == ("WARNING", {"DEBUG"})
+
+
+async def test_a_serial_device_that_opens_and_fails_at_once_is_retried_ever_less_often(
+    pauses_s, monkeypatch
+):
+    connect, opened = link_module._connect_serial, []
+
+    def fail(_descriptor, _size):
+        raise OSError(errno.EIO, "Input/output error")
+
+    with serial_line() as (far, device):
+
+        async def connect_and_fail(address, on_bytes):
+            connection = await connect(address, on_bytes)
+            opened.append(len(pauses_s))
+            os.write(far, b"readable")
+            return connection
+
+        monkeypatch.setattr(link_module, "_connect_serial", connect_and_fail)
+        monkeypatch.setattr(os, "read", fail)
+        async with open_link(serial(device), Received()):
+            await enough_attempts(pauses_s)
+    assert pauses_s[: len(BACKOFF_S)] == BACKOFF_S
+    assert opened[: len(BACKOFF_S)] == list(range(len(BACKOFF_S)))
+
+
+async def test_after_a_steady_connection_the_first_pause_is_short_again(pauses_s, monkeypatch):
+    monkeypatch.setattr(link_module, "_STEADY_S", 0.0)
+    server = Server()
+    port = await server.serve(0)
+    async with open_link(tcp(port), Received()):
+        for _ in range(4):
+            await server.until_connected()
+            for _ in range(10):
+                await asyncio.sleep(0)
+            server.drop()
+        await server.until_connected()
+    server.stop()
+    assert pauses_s == [0.1] * 4
+
+
 async def test_a_slow_host_name_lookup_takes_one_thread(monkeypatch):
-    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+    at_once(monkeypatch)
     monkeypatch.setattr(link_module, "_CONNECT_TIMEOUT_S", 0.01)
     answers, asked, attempts = threading.Event(), [], []
     server, find = Server(), socket.getaddrinfo
@@ -370,7 +498,7 @@ def serial_line():
 
 
 def serial(device, baud=57600):
-    return LinkAddress(kind=LinkKind.SERIAL, device=device, baud=baud)
+    return LinkAddress(kind=LinkKind.SERIAL, device=str(device), baud=baud)
 
 
 async def read_far(far, size):
@@ -482,8 +610,71 @@ async def test_closing_a_lost_serial_line_does_not_wait(monkeypatch):
             await asyncio.wait_for(dropped.wait(), 5.0)
 
 
+async def test_a_device_that_comes_back_as_another_tty_is_opened_by_the_same_name(
+    monkeypatch, tmp_path, caplog
+):
+    at_once(monkeypatch)
+    caplog.set_level(logging.INFO, logger=link_module.__name__)
+    by_id, here = tmp_path / "usb-FTDI_FT232R-if00-port0", Received()
+    with serial_line() as (first, ttyusb0), serial_line() as (second, ttyusb1):
+        by_id.symlink_to(ttyusb0)
+        async with open_link(serial(by_id), here) as link:
+            os.write(first, b"before")
+            await here.until(b"before")
+            os.close(first)
+            by_id.unlink()
+            while not caplog.records:  # noqa: ASYNC110 — the log has no event
+                await asyncio.sleep(0)
+            by_id.symlink_to(ttyusb1)
+            while "connected again" not in caplog.text:  # noqa: ASYNC110
+                await asyncio.sleep(0)
+            os.write(second, b"after")
+            await here.until(b"after")
+            link.send(b"a setpoint")
+            assert await read_far(second, 10) == b"a setpoint"
+
+
+@pytest.mark.parametrize(
+    ("failure", "words"),
+    [
+        (termios.error(errno.EIO, "Input/output error"), "input/output error"),
+        (ValueError("Failed to set custom baud rate (31250)"), "Failed to set custom baud rate"),
+        (OSError(errno.EIO, "Input/output error"), "input/output error"),
+    ],
+)
+async def test_a_device_that_fails_while_it_is_opened_is_reported_and_tried_again(
+    failure, words, monkeypatch, caplog
+):
+    at_once(monkeypatch)
+    caplog.set_level(logging.DEBUG, logger=link_module.__name__)
+    port_class, here = serial_module.Serial, Received()
+
+    def fail(*_arguments, **_options):
+        raise failure
+
+    with serial_line() as (far, device), serial_line() as (again, other):
+        os.set_blocking(again, False)
+        monkeypatch.setattr(serial_module, "Serial", fail)
+        with pytest.raises(LinkError, match=words):
+            async with open_link(serial(device), here):
+                pass
+        monkeypatch.setattr(serial_module, "Serial", port_class)
+        async with open_link(serial(device), here):
+            monkeypatch.setattr(serial_module, "Serial", fail)
+            os.close(far)
+            while words not in caplog.text:  # noqa: ASYNC110 — the log has no event
+                await asyncio.sleep(0)
+            monkeypatch.setattr(
+                serial_module, "Serial", lambda _, *rest, **more: port_class(other, *rest, **more)
+            )
+            while b"back" not in here.data:
+                with contextlib.suppress(BlockingIOError):
+                    os.write(again, b"back")
+                await asyncio.sleep(0)
+
+
 async def test_an_unplugged_device_is_warned_of_and_awaited(monkeypatch, caplog):
-    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+    at_once(monkeypatch)
     caplog.set_level(logging.DEBUG, logger=link_module.__name__)
     with serial_line() as (far, device):
         async with open_link(serial(device), Received()) as link:
