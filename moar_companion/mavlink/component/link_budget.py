@@ -8,7 +8,7 @@ packet: at 57,600 baud 720 B/s, a list of 100 parameters in 5 s.
 from __future__ import annotations
 
 from ...errors import InputError
-from ..dialect import Message
+from ..dialect import Message, mavlink
 from ..urls import LinkKind, parse_url
 
 _BITS_PER_BYTE = 10
@@ -17,7 +17,8 @@ _SHARE = 1 / 8
 _NETWORK_BYTES_PER_S = 20_000.0
 """Budget of UDP and TCP, whose rate is unknown: for eight peers some hundredths of a Wi-Fi link. A
 file of 20 kB takes a second."""
-_OVERHEAD_BYTES = 25
+_SIGNATURE_BYTES = 13
+OVERHEAD_BYTES = 12 + _SIGNATURE_BYTES
 """Bytes of a signed MAVLink 2 packet around its payload: header 10, checksum 2, signature 13."""
 _BURST_S = 0.02
 """Time for which an idle link saves its budget: one cycle at 50 Hz."""
@@ -38,9 +39,12 @@ def line_bytes_per_s(link: str) -> float | None:
     return address.baud / _BITS_PER_BYTE if address.kind is LinkKind.SERIAL else None
 
 
+_PACKER = mavlink.MAVLink(None)
+
+
 def size_bytes(message: Message) -> int:
-    """Upper limit of a message's packet, signed and without its trailing zeros cut."""
-    return int(message.unpacker.size) + _OVERHEAD_BYTES
+    """Size of a message's packet, signed, without the zeros at its end, which MAVLink 2 cuts."""
+    return len(message.pack(_PACKER)) + _SIGNATURE_BYTES
 
 
 class LinkBudget:
