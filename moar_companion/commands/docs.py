@@ -79,6 +79,16 @@ the last column says *no*, no inspection begins:
 
 {parameters}
 
+## Parameters of the companion
+
+{count} settings of the service and the vehicle that may be set in flight, of component 195, by a
+sender that may command; unit, default and range are those of the key. A value that the file may not
+have, alone or beside the others, changes nothing. Values that were set stand above the files, also
+after a restart, and below a vehicle file that the command line names. All are REAL32, but INT32
+where the last column has words; *none*: the number is not given.
+
+{flight_parameters}
+
 ## MQTT topics
 
 `moar/VEHICLE/TOPIC`: [guide](MQTT.md).
@@ -142,7 +152,7 @@ def _files(checkout: Path) -> Iterator[tuple[Path, str]]:
     service = COMPANION_FILE.schema
     tables = {"service": table(service), "vehicle": table(VehicleFile), "site": table(SiteFile)}
     tables |= {"orders": _orders(), "messages": _messages(), "topics": _topics()}
-    tables |= {"parameters": _parameters()}
+    tables |= {"parameters": _parameters(), **_flight_parameters()}
     tables |= {"channels": _channels(), "texts": _texts(), **_conditions()}
     yield configs / "reference.md", _PAGE.format(**tables)
     for name, model, example in (
@@ -233,6 +243,21 @@ def _parameters() -> str:
                 yield f"| {kind} | {names} | {counts} | {'no' if row.denies else 'yes'} |"
 
     return _table("autopilot | parameter | counts as | an inspection begins", rows())
+
+
+def _flight_parameters() -> dict[str, str]:
+    """The table of the companion's own parameters, and their number."""
+    from ..settings.flight_parameters import flight_parameters  # noqa: PLC0415
+
+    rows = flight_parameters().values()
+    table = _table(
+        "parameter | key | meaning | values",
+        (
+            f"| `{row.name}` | `{row.key}` | {row.short_description} | {row.special_values} |"
+            for row in rows
+        ),
+    )
+    return {"flight_parameters": table, "count": str(len(rows))}
 
 
 def _topics() -> str:

@@ -290,7 +290,7 @@ class CompanionConfig:
             config = config_of(model)
             if config.vehicle is None and vehicle is None:
                 yield FileFinding(("vehicle",), "is missing")
-            yield from _findings(config)
+            yield from config_findings(config)
 
         config = config_of(yaml_file.read(path, COMPANION_FILE.schema, check))
         named = config.vehicle if vehicle is None else Path(vehicle)
@@ -300,7 +300,8 @@ class CompanionConfig:
 COMPANION_FILE = Section(CompanionConfig, optional=frozenset({"vehicle"}), without="file")
 
 
-def _findings(config: CompanionConfig) -> Iterator[FileFinding]:
+def config_findings(config: CompanionConfig) -> Iterator[FileFinding]:
+    """Yields the faults across the keys of a configuration."""
     yield from link_findings(config.links, config.signing)
     yield from mqtt_findings(config.mqtt)
     yield from perception_findings(config.perception)

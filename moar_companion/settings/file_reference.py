@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import enum
 import inspect
 import itertools
-import math
 import textwrap
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core.core_schema import ModelSchema
 
-from .yaml_schema import FileModel, file_key, is_list
+from .yaml_schema import FileModel, as_written, file_key, is_list
 
 _Schema = dict[str, Any]
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -60,11 +59,41 @@ def json_schema(model: type[FileModel], name: str, example: Any) -> _Schema:
     return {**about, **schema, "examples": [example]}
 
 
+@dataclass(frozen=True, kw_only=True)
+class FileKey:
+    """One key of a file. kind: JSON schema of its value, null left out; optional: may be null."""
+
+    name: str
+    """Dotted, as `guidance.yaw_rate_deg_per_s`."""
+    unit: str
+    default: Any
+    """As in a file; None without one."""
+    needed: bool
+    optional: bool
+    kind: _Schema
+    description: str
+    definitions: dict[str, _Schema]
+
+    @property
+    def row(self) -> str:
+        """Row of the table of keys."""
+        default = "required" if self.needed else "none"
+        if self.default is not None:
+            default = f"`{_written(self.default)}`"
+        allowed = _range(self.kind, self.definitions)
+        return f"| `{self.name}` | {self.unit} | {default} | {allowed} | {self.description} |"
+
+
+def keys(model: type[FileModel]) -> dict[str, FileKey]:
+    """The keys of a file by their dotted names; sections only where they are described."""
+    schema = model.model_json_schema(schema_generator=_Described)
+    return {key.name: key for key in _keys(schema, schema.get("$defs", {}), "")}
+
+
 def table(model: type[FileModel]) -> str:
     """The keys of a file as a table: key, unit, default, range, meaning."""
-    schema = model.model_json_schema(schema_generator=_Described)
     rows = ["| key | unit | default | range | meaning |", "|---|---|---|---|---|"]
-    return "\n".join([*rows, *_rows(schema, schema.get("$defs", {}), "")])
+    return "\n".join([*rows, *(key.row for key in keys(model).values())])
 
 
 def _texts(source: type) -> dict[str, _Schema]:
@@ -91,35 +120,27 @@ def _defaults(settings: Any) -> dict[str, _Schema]:
         section = dataclasses.is_dataclass(value) and not is_list(type(value))
         if value is not dataclasses.MISSING and value is not None and not section:
             key = file_key(member.name)
-            found[key] = {"default": _as_written(value, degrees=key != member.name)}
+            found[key] = {"default": as_written(value, degrees=key != member.name, digits=3)}
     return found
 
 
-def _as_written(value: Any, *, degrees: bool) -> Any:
-    """A value as in a file; degrees to three digits."""
-    if isinstance(value, enum.Enum):
-        return value.value
-    if isinstance(value, tuple):
-        return [_as_written(item, degrees=degrees) for item in value]
-    if dataclasses.is_dataclass(value):
-        members = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
-        written = {key: _as_written(item, degrees=degrees) for key, item in members.items()}
-        return list(written.values()) if is_list(type(value)) else written
-    return float(f"{math.degrees(value):.3g}") if degrees else value
-
-
-def _rows(schema: _Schema, definitions: dict[str, _Schema], before: str) -> Iterator[str]:
+def _keys(schema: _Schema, definitions: dict[str, _Schema], before: str) -> Iterator[FileKey]:
     for key, field in schema["properties"].items():
         name, kind = before + key, _resolved(field, definitions)
-        needed = key in schema.get("required", ())
         below, listed = _below(kind, definitions)
         if below is None or listed or "description" in field:
-            unit = _unit(key)
-            default = _default(field, needed=needed)
-            meaning = field.get("description", "")
-            yield f"| `{name}` | {unit} | {default} | {_range(kind, definitions)} | {meaning} |"
+            yield FileKey(
+                name=name,
+                unit=_unit(key),
+                default=field.get("default"),
+                needed=key in schema.get("required", ()),
+                optional=any(choice.get("type") == "null" for choice in field.get("anyOf", ())),
+                kind=kind,
+                description=field.get("description", ""),
+                definitions=definitions,
+            )
         if below is not None:
-            yield from _rows(below, definitions, f"{name}{listed}.")
+            yield from _keys(below, definitions, f"{name}{listed}.")
 
 
 def _resolved(field: _Schema, definitions: dict[str, _Schema]) -> _Schema:
@@ -147,13 +168,6 @@ def _below(kind: _Schema, definitions: dict[str, _Schema]) -> tuple[_Schema | No
 
 def _unit(key: str) -> str:
     return next((unit for end, unit in _UNITS.items() if key.endswith(f"_{end}")), "")
-
-
-def _default(field: _Schema, *, needed: bool) -> str:
-    if needed:
-        return "required"
-    default = field.get("default")
-    return "none" if default is None else f"`{_written(default)}`"
 
 
 def _written(value: Any) -> str:

@@ -156,7 +156,11 @@ class Vehicle:
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Vehicle:
         """The vehicle in a YAML file; raises InputError with one line when it cannot be used."""
-        file = yaml_file.read(path, VehicleFile, _findings)
+        return cls.of(VehicleFile.load(path))
+
+    @classmethod
+    def of(cls, file: VehicleFile) -> Vehicle:
+        """The vehicle that a file describes."""
         shape, speed = file.safety, file.speed
         total = sum(shape.weights.values)
         return cls(
@@ -202,11 +206,11 @@ class _GeometryFile(FileModel):
 
 class _SafetyWeightsFile(FileModel):
     collision: _Share
-    """k_a (Eq. 2); the three are normalised, at least one is positive."""
+    """Weight of collision, k_a (Eq. 2); the three are normalised, at least one is positive."""
     insertion: _Share
-    """k_b."""
+    """Weight of insertion, k_b."""
     damage: _Share
-    """k_c."""
+    """Weight of damage, k_c."""
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -227,7 +231,7 @@ class _SafetyFile(FileModel):
 
 class _SpeedFile(FileModel):
     min_mps: _Speed
-    """v_MIN (Eq. 5), not above any of the next."""
+    """Least speed, v_MIN (Eq. 5), not above any of the next."""
     horizontal_mps: _Speed
     """Cruising speed in level flight."""
     up_mps: _Speed
@@ -239,7 +243,7 @@ class _SpeedFile(FileModel):
     diagonal_down_mps: _Speed
     """Cruising speed downwards at 45 degrees."""
     max_mps: _Speed | None = None
-    """v_MAX, at least `min_mps`; none: the greatest of the cruising speeds."""
+    """Greatest speed, v_MAX, at least `min_mps`; none: the greatest of the cruising speeds."""
 
     @property
     def cruising(self) -> tuple[float, ...]:
@@ -251,11 +255,11 @@ _CRUISING = ("horizontal_mps", "up_mps", "down_mps", "diagonal_up_mps", "diagona
 
 class _MissionWeightsFile(FileModel):
     safety: _Share
-    """k_{S,0} (Eq. 9); the three are normalised, at least one is positive."""
+    """Weight of safety, k_{S,0} (Eq. 9); the three are normalised, at least one is positive."""
     time: _Share
-    """k_{T,0}."""
+    """Weight of time, k_{T,0}."""
     energy: _Share
-    """k_{E,0}."""
+    """Weight of energy, k_{E,0}."""
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -300,8 +304,14 @@ class VehicleFile(FileModel):
     power: Annotated[Power, Section(Power)] = Field(default_factory=Power)
     risk: Annotated[RiskModel, Section(RiskModel)] = Field(default_factory=RiskModel)
 
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> VehicleFile:
+        """The content of a YAML file; raises InputError with one line when it cannot be used."""
+        return yaml_file.read(path, cls, vehicle_findings)
 
-def _findings(file: VehicleFile) -> Iterator[FileFinding]:
+
+def vehicle_findings(file: VehicleFile) -> Iterator[FileFinding]:
+    """Yields the faults across the keys of a vehicle file."""
     safety, speed = file.safety, file.speed
     if safety.d_min_m >= safety.d_max_m:
         problem = f"is {safety.d_min_m:g}, must be less than d_max_m ({safety.d_max_m:g})"

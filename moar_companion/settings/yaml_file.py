@@ -93,15 +93,10 @@ def read(
             raise InputError(source, "", f"has more than {_MAX_VALUES} values, aliases spelt out")
         findings = list(loader.findings(root))
         if not findings:
-            data = loader.construct_document(root)
-            try:
-                model = schema.model_validate(data)
-            except ValidationError as error:
-                findings = [_finding(details, schema, data) for details in error.errors()]
-            else:
-                findings = list(check(model))
-                if not findings:
-                    return model
+            found = validated(loader.construct_document(root), schema, check)
+            if not isinstance(found, list):
+                return found
+            findings = found
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
@@ -117,6 +112,17 @@ def read(
     more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
     parts = tuple(InputError(source, dotted(item.key), item.problem) for item in findings)
     raise InputError(source, parts[0].key, parts[0].problem + more, parts=parts)
+
+
+def validated(
+    data: Any, schema: type[Model], check: Callable[[Model], Iterable[FileFinding]]
+) -> Model | list[FileFinding]:
+    """The schema's model of a file's content, or the errors in it; check: as in `read`."""
+    try:
+        model = schema.model_validate(data)
+    except ValidationError as error:
+        return [_finding(details, schema, data) for details in error.errors()]
+    return list(check(model)) or model
 
 
 def dotted(key: Key) -> str:

@@ -148,6 +148,34 @@ def under(folder: Path, record: Record) -> Record:
     return typing.cast("Record", dataclasses.replace(typing.cast("Any", record), **changes))
 
 
+def as_written(value: Any, *, degrees: bool = False, digits: int | None = None) -> Any:
+    """A value of settings as in a file: a section as a mapping of its keys.
+
+    degrees: the value is an angle in radians. digits: of degrees; None: as many as the same angle
+    needs when it is read.
+    """
+    if isinstance(value, FileModel):
+        return {key: as_written(getattr(value, key)) for key in value.model_fields_set}
+    if isinstance(value, enum.Enum):
+        return value.value
+    if isinstance(value, tuple):
+        return [as_written(item, degrees=degrees, digits=digits) for item in value]
+    if dataclasses.is_dataclass(value):
+        members = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
+        if is_list(type(value)):
+            return as_written(tuple(members.values()), degrees=degrees, digits=digits)
+        return {
+            file_key(name): as_written(item, degrees=file_key(name) != name, digits=digits)
+            for name, item in members.items()
+        }
+    if degrees and value is not None:
+        shorter = (float(f"{math.degrees(value):.{count}g}") for count in range(1, 18))
+        same = next((each for each in shorter if math.radians(each) == value), None)
+        rounded = float(f"{math.degrees(value):.{digits or 17}g}")
+        return rounded if digits is not None or same is None else same
+    return value
+
+
 def file_key(name: str) -> str:
     """The key of a dataclass field in a file."""
     return re.sub(r"_radps$", "_deg_per_s", re.sub(r"_rad$", "_deg", name))
