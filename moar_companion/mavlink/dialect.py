@@ -1,9 +1,10 @@
 """MAVLink messages of the companion: pymavlink's `all` dialect and the messages it lacks.
 
 PX4 sends LINK_NODE_STATUS, EVENT, CURRENT_EVENT_SEQUENCE, COMPONENT_METADATA and ESC_STATUS
-unrequested. Ground stations send COMMAND_CANCEL. TIMESYNC has target fields. No dialect of
-pymavlink 2.4.50 has these definitions. Importing this module adds them to the dialect's
-`mavlink_map`; a definition of a later pymavlink with all these fields has precedence.
+unrequested. Ground stations send COMMAND_CANCEL, and request COMPONENT_METADATA or, before it,
+COMPONENT_INFORMATION. TIMESYNC has target fields. No dialect of pymavlink 2.4.50 has these
+definitions. Importing this module adds them to the dialect's `mavlink_map`; a definition of a later
+pymavlink with all these fields has precedence.
 
 Source: the message definitions of mavlink/mavlink (common.xml, development.xml); checked against
 recordings of PX4 v1.17 and v1.18.
@@ -106,6 +107,18 @@ _DEFINITIONS = (
             ("float", "voltage", 4),
             ("float", "current", 4),
             ("uint8_t", "index", 0),
+        ),
+    ),
+    _Definition(
+        message_id=395,
+        name="COMPONENT_INFORMATION",
+        crc_extra=0,
+        fields=(
+            ("uint32_t", "time_boot_ms", 0),
+            ("uint32_t", "general_metadata_file_crc", 0),
+            ("uint32_t", "peripherals_metadata_file_crc", 0),
+            ("char", "general_metadata_uri", 100),
+            ("char", "peripherals_metadata_uri", 100),
         ),
     ),
     _Definition(

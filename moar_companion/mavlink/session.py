@@ -29,7 +29,8 @@ from .commands import (
     Sender,
     UnsupportedCommand,
 )
-from .component.services import Asker, ComponentServices
+from .component.component_service import Asker
+from .component.services import ComponentServices
 from .dialect import Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .outbox import Outbox
@@ -120,7 +121,7 @@ class Session:
         """Requests of the autopilot: parameters, fence, message rates."""
         self.commands = ReceivedCommands(commands)
         """Commands to the companion, until their final answers."""
-        self.services = ComponentServices(links)
+        self.services = ComponentServices(links, component_id)
         """Services for ground stations."""
         self._texts = StatusTexts()
         self._own_ids = OwnIds()

@@ -56,7 +56,7 @@ def setpoint_message(
     if not all(_is_sendable(value) for value in values):
         raise ValueError(f"a setpoint must be finite: {values}")
     return mavlink.MAVLink_set_position_target_local_ned_message(
-        _milliseconds(now_s),
+        milliseconds(now_s),
         *target,
         mavlink.MAV_FRAME_LOCAL_NED,
         POSITION_VELOCITY_YAW,
@@ -107,7 +107,7 @@ def named_value_message(name: str, value: float, now_s: float) -> Message | None
         return None
     return create(
         "NAMED_VALUE_FLOAT",
-        time_boot_ms=_milliseconds(now_s),
+        time_boot_ms=milliseconds(now_s),
         name=name.encode("ascii"),
         value=value,
     )
@@ -118,6 +118,6 @@ def _is_sendable(value: float) -> bool:
     return abs(value) <= _MAX_FLOAT
 
 
-def _milliseconds(now_s: float) -> int:
+def milliseconds(now_s: float) -> int:
     """Companion's clock as MAVLink's time_boot_ms, which wraps after 49 days."""
     return int(now_s * 1000.0) & 0xFFFFFFFF

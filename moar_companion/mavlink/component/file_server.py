@@ -26,8 +26,8 @@ from typing import NamedTuple
 
 from ..commands import Sender
 from ..dialect import Message, create, mavlink
+from .component_service import Asker
 from .link_budget import OVERHEAD_BYTES
-from .services import Asker
 
 _HEADER = struct.Struct("<HBBBBBBI")
 """Sequence, session, opcode, size, opcode of the request, burst complete, padding, offset."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Protocol
 
-from ..commands import Sender
 from ..dialect import Message
 from ..rate_limits import SenderLimit
+from .component_metadata import metadata_files
+from .component_service import Asker, ComponentService
+from .file_server import FileServer
 from .link_budget import LinkBudget
 from .requested_messages import CLOCK_IDS, clock_answer
 
@@ -25,40 +25,14 @@ _MOST_A_CYCLE = 16
 """Limit of the packets of one cycle and link: at 50 Hz more than any budget pays for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Asker:
-    """Sender of a request."""
-
-    sender: Sender
-    objection: str | None
-    """Reason why it may not command, and so may not set anything; None if it may."""
-
-
-class ComponentService(Protocol):
-    """What a ground station asks of the component. Every call takes constant time."""
-
-    MESSAGE_IDS: frozenset[int]
-    """Messages that it reads; all have a target system and component."""
-
-    def handle(self, message: Message, asker: Asker, now_s: float) -> list[Message]:
-        """Takes a request to the companion or to all components; returns its short answers."""
-
-    def next_answer(self, link: str, most_bytes: int, now_s: float) -> Message | None:
-        """Next packet of a list or a file that was asked for on this link; None: none is due.
-
-        most_bytes: size of the largest packet, with 25 bytes around the payload, where the service
-        chooses its size.
-        """
-
-
 class ComponentServices:
     """The services of one component on all its links."""
 
-    MESSAGE_IDS: frozenset[int] = CLOCK_IDS
+    MESSAGE_IDS: frozenset[int] = CLOCK_IDS | FileServer.MESSAGE_IDS
     """Messages that a service reads."""
 
-    def __init__(self, links: Iterable[str]) -> None:
-        self._services: tuple[ComponentService, ...] = ()
+    def __init__(self, links: Iterable[str], component_id: int) -> None:
+        self._services: tuple[ComponentService, ...] = (FileServer(metadata_files(component_id)),)
         self._budgets = {link: LinkBudget(link) for link in links}
         self._waiting: dict[str, deque[Message]] = {link: deque() for link in self._budgets}
         self._next = dict.fromkeys(self._budgets, 0)

@@ -6,7 +6,7 @@ import struct
 from typing import NamedTuple
 
 from moar_companion.mavlink.commands import Sender
-from moar_companion.mavlink.component.services import Asker
+from moar_companion.mavlink.component.component_service import Asker
 from moar_companion.mavlink.dialect import create
 
 NONE, TERMINATE, RESET, LIST, OPEN, READ = range(6)

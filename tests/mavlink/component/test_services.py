@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from moar_companion.mavlink.commands import Sender
-from moar_companion.mavlink.component.services import Asker, ComponentServices
+from moar_companion.mavlink.component.component_service import Asker
+from moar_companion.mavlink.component.services import ComponentServices
 from moar_companion.mavlink.dialect import create
 
 OURS, LINK = (1, 195), "serial:/dev/ttyTHS1:57600"
@@ -31,7 +32,7 @@ VALUE = {"param_id": b"A", "param_value": 1.0, "param_type": 9, "param_count": 1
 
 
 def services_with(*services):
-    made = ComponentServices([LINK])
+    made = ComponentServices([LINK], component_id=195)
     made._services = services
     return made
 
