@@ -37,8 +37,9 @@ _VERSION_S = 0.3
 """Wait for the firmware's version, before a parameter with several names is requested."""
 _INTEGERS = frozenset(range(mavlink.MAV_PARAM_TYPE_UINT8, mavlink.MAV_PARAM_TYPE_INT32 + 1))
 """MAV_PARAM_TYPEs of integers of up to four bytes; PARAM_VALUE carries no longer ones."""
-_PAYLOAD_STARTS = {0xFD: 10, 0xFE: 6}
-"""Start of the payload by the packet's first byte; param_value is the first field."""
+PAYLOAD_STARTS = {0xFD: 10, 0xFE: 6}
+"""Start of the payload by the packet's first byte; in PARAM_VALUE and PARAM_SET param_value is the
+first field."""
 
 
 class ParameterRequests:
@@ -181,12 +182,12 @@ class ParameterRequests:
         return self._name(key, count) if self._values[key] is None else self._names[key].name
 
 
-def parameter_value(message: Message, kind: AutopilotKind) -> float | None:
-    """Value of a PARAM_VALUE in its sender's encoding; None if not finite."""
+def parameter_value(message: Message, kind: AutopilotKind | None) -> float | None:
+    """Value of a PARAM_VALUE or PARAM_SET in the encoding of a kind; None if not finite."""
     if profile(kind).integers_bytewise and message.param_type in _INTEGERS:
         # From the packet: a conversion to float changes some byte patterns.
         packet = message.get_msgbuf()
-        (integer,) = struct.unpack_from("<i", packet, _PAYLOAD_STARTS[packet[0]])
+        (integer,) = struct.unpack_from("<i", packet, PAYLOAD_STARTS[packet[0]])
         return float(integer)
     value = float(message.param_value)
     return value if math.isfinite(value) else None

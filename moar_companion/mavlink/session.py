@@ -14,8 +14,9 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 
 from ..settings.config import Commands
+from ..settings.flight_parameters import FlightParameters
 from ..settings.link_config import LinkRole
-from ..types import Vector
+from ..types import AutopilotKind, Vector
 from . import autopilot_requests, telemetry_receiver, translate_outgoing
 from .autopilot_control import AutopilotControl, CommandAnswered, commands_motion
 from .autopilot_requests import AutopilotRequests
@@ -30,6 +31,7 @@ from .commands import (
     UnsupportedCommand,
 )
 from .component.component_service import Asker
+from .component.parameter_server import ParameterRefused, ParameterSet
 from .component.services import ComponentServices
 from .dialect import Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
@@ -77,6 +79,8 @@ Event = (
     | ComponentConflict
     | CommandAnswered
     | ModeLeft
+    | ParameterRefused
+    | ParameterSet
     | PeerRefused
 )
 
@@ -88,7 +92,8 @@ class Session:
     is found the companion takes its system id. commands: rules for permitted senders.
     message_rates_hz: wanted rates by message id; None: those of the autopilot's kind. obstacles:
     requests the distances of obstacles from the autopilot, too; a sensor's are read in any case.
-    signing: of the links on which all packets are signed.
+    signing: of the links on which all packets are signed. parameters: settings that ground stations
+    may change; None: there are none.
     """
 
     def __init__(
@@ -101,6 +106,7 @@ class Session:
         message_rates_hz: Mapping[int, float] | None = None,
         obstacles: bool = False,
         signing: Mapping[str, LinkSigning] | None = None,
+        parameters: FlightParameters | None = None,
     ) -> None:
         self._roles = dict(links)
         self._component_id = component_id
@@ -121,7 +127,7 @@ class Session:
         """Requests of the autopilot: parameters, fence, message rates."""
         self.commands = ReceivedCommands(commands)
         """Commands to the companion, until their final answers."""
-        self.services = ComponentServices(links, component_id)
+        self.services = ComponentServices(links, component_id, parameters, self._autopilot_kind)
         """Services for ground stations."""
         self._texts = StatusTexts()
         self._own_ids = OwnIds()
@@ -149,6 +155,15 @@ class Session:
     def autopilot(self) -> Autopilot | None:
         """Autopilot that was received first."""
         return self._receiver.autopilot
+
+    def _autopilot_kind(self) -> AutopilotKind | None:
+        return None if self.autopilot is None else self.autopilot.kind
+
+    @property
+    def parameters(self) -> FlightParameters | None:
+        """Present values of the settings that ground stations may change; None: there are none."""
+        server = self.services.parameters
+        return None if server is None else server.parameters
 
     @property
     def conflict(self) -> str | None:
@@ -330,6 +345,8 @@ class Session:
         self._send_requests(now_s)
         for link, message in self.services.due(now_s):
             self._outbox.send(link, message)
+        if self.services.parameters is not None:
+            self._events += self.services.parameters.events_received()
 
     def _send_requests(self, now_s: float) -> None:
         """Queues the requests to the autopilot that are due; counts its packets."""

@@ -9,14 +9,17 @@ Memory and cost of a packet are bounded, for any number of requests.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Collection
 
+from ...settings.flight_parameters import FlightParameters
+from ...types import AutopilotKind
 from ..dialect import Message
 from ..rate_limits import SenderLimit
 from .component_metadata import metadata_files
 from .component_service import Asker, ComponentService
 from .file_server import FileServer
 from .link_budget import LinkBudget
+from .parameter_server import ParameterServer
 from .requested_messages import CLOCK_IDS, clock_answer
 
 _MOST_WAITING = 64
@@ -26,13 +29,28 @@ _MOST_A_CYCLE = 16
 
 
 class ComponentServices:
-    """The services of one component on all its links."""
+    """The services of one component on all its links.
 
-    MESSAGE_IDS: frozenset[int] = CLOCK_IDS | FileServer.MESSAGE_IDS
+    parameters: the settings that may be changed; None: the component has no parameters. autopilot:
+    returns the kind of the autopilot; None while it is unknown.
+    """
+
+    MESSAGE_IDS: frozenset[int] = CLOCK_IDS | FileServer.MESSAGE_IDS | ParameterServer.MESSAGE_IDS
     """Messages that a service reads."""
 
-    def __init__(self, links: Iterable[str], component_id: int) -> None:
+    def __init__(
+        self,
+        links: Collection[str],
+        component_id: int,
+        parameters: FlightParameters | None = None,
+        autopilot: Callable[[], AutopilotKind | None] = lambda: None,
+    ) -> None:
         self._services: tuple[ComponentService, ...] = (FileServer(metadata_files(component_id)),)
+        self.parameters: ParameterServer | None = None
+        """The present settings; None without parameters."""
+        if parameters is not None:
+            self.parameters = ParameterServer(parameters, links, autopilot)
+            self._services += (self.parameters,)
         self._budgets = {link: LinkBudget(link) for link in links}
         self._waiting: dict[str, deque[Message]] = {link: deque() for link in self._budgets}
         self._next = dict.fromkeys(self._budgets, 0)
