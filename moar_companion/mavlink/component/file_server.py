@@ -9,8 +9,8 @@ whose reply was lost repeats its request, and a network doubles packets and dela
 changes nothing, so that a repeat is answered again. A repeat that would open or close a file gets
 the reply of the first one.
 
-A burst ends with the file and not before: pymavlink takes a shorter packet at the end of a burst
-for the file's end. Source: https://mavlink.io/en/services/ftp.html, and the clients in
+A burst ends after some seconds, since pymavlink gives up without a request of its own for 3.7 s,
+but not with a packet shorter than it asked for, which pymavlink takes for the file's end. Source: https://mavlink.io/en/services/ftp.html, and the clients in
 QGroundControl (FTPManager.cc), MAVSDK (mavlink_ftp_client.cpp) and pymavlink (mavftp.py).
 """
 
@@ -47,6 +47,8 @@ _MOST_READS = 8
 _MOST_REMEMBERED = 8
 _REPEAT_S = 5.0
 """Greatest delay of a copy of a request over another link."""
+_BURST_S = 2.0
+"""Time after which a burst ends: the client asks for the next one."""
 _DOUBLED_S = 0.3
 """Time in which the network's own copies of a packet arrive. Clients repeat after 0.5 s or more."""
 
@@ -210,7 +212,7 @@ class _Client:
         time_s, reply = self._remembered.get(request, (now_s, None))
         return reply if now_s - time_s <= _REPEAT_S else None
 
-    def next_reply(self, file: bytes, most_bytes: int) -> _Reply | None:
+    def next_reply(self, file: bytes, most_bytes: int, now_s: float) -> _Reply | None:
         """Next packet of the open file with this content: of a read, then of a burst."""
         if self.reads:
             request = self.reads.popleft()
@@ -219,9 +221,11 @@ class _Client:
         burst = self.burst
         if burst is None:
             return None
-        data = file[burst.offset : burst.offset + min(burst.request.data_bytes, most_bytes)]
+        asked_bytes = burst.request.data_bytes
+        data = file[burst.offset : burst.offset + min(asked_bytes, most_bytes)]
         end = burst.offset + len(data)
-        complete = end >= len(file)
+        is_long = now_s - burst.started_s >= _BURST_S and len(data) == asked_bytes
+        complete = end >= len(file) or is_long
         reply = _ack(burst.request, data)._replace(
             sequence=burst.request.sequence + 1 + burst.packets,
             offset=burst.offset,
@@ -268,7 +272,7 @@ class FileServer:
         for sender, client in self._clients.items():
             if sender.link != link or client.name is None:
                 continue
-            reply = client.next_reply(self._files[client.name], data_bytes)
+            reply = client.next_reply(self._files[client.name], data_bytes, now_s)
             if reply is not None:
                 client.used_s = now_s
                 self._clients[sender] = self._clients.pop(sender)
