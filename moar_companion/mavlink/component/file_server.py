@@ -9,9 +9,11 @@ whose reply was lost repeats its request, and a network doubles packets and dela
 changes nothing, so that a repeat is answered again. A repeat that would open or close a file gets
 the reply of the first one.
 
-A burst ends after some seconds, since pymavlink gives up without a request of its own for 3.7 s,
-but not with a packet shorter than it asked for, which pymavlink takes for the file's end. Source: https://mavlink.io/en/services/ftp.html, and the clients in
-QGroundControl (FTPManager.cc), MAVSDK (mavlink_ftp_client.cpp) and pymavlink (mavftp.py).
+A burst ends after two seconds, since pymavlink gives up 3.7 s after its last request. It does not
+end with a packet shorter than was asked for, which pymavlink takes for the end of the file.
+
+Source: https://mavlink.io/en/services/ftp.html, and the clients in QGroundControl (FTPManager.cc),
+MAVSDK (mavlink_ftp_client.cpp) and pymavlink (mavftp.py).
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class Master:
     def __init__(self, world):
         self.world, self.mav = world, world.mav
 
-    def recv_match(self, type=None, blocking=False, timeout=0.0):
+    def recv_match(self, *, blocking=False, timeout=0.0, **_):
         for _ in range(max(1, round(timeout / 0.02)) if blocking else 1):
             if self.world.received:
                 break
