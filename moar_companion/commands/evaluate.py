@@ -21,7 +21,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .options import file_name, refused, require
-from .outputs import print_text, replacing
+from .outputs import output_folder, print_text, replacing
 from .task_pool import run_tasks, task_pool
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         require("evaluate", module, "evaluation")
     chosen = _EXPERIMENTS if arguments.experiment == _ALL else (arguments.experiment,)
     checkout = _checkout(_FLIGHT) if "flight" in chosen else None
-    folder = _folder(arguments.out or _OUT)
+    folder = output_folder("--out", arguments.out or _OUT)
     workers = arguments.workers or _cores()
     with task_pool(workers, arguments.scheduler) as pool:
         results, pictures = _evaluated(chosen, checkout, pool)
@@ -160,7 +160,7 @@ def _fly_campaign(arguments: argparse.Namespace) -> int:
     ):
         require("evaluate", module, extra)
     checkout = _checkout(_CAMPAIGN_PROGRAM)
-    folder = _folder(arguments.out or _CAMPAIGN)
+    folder = output_folder("--out", arguments.out or _CAMPAIGN)
     where = (
         ("--scheduler", arguments.scheduler)
         if arguments.scheduler
@@ -213,17 +213,6 @@ def _flown(flights: subprocess.Popen[bytes]) -> dict[str, Any]:
         raise OSError(f"the flight failed: {''.join(last)}")
     document: dict[str, Any] = json.loads(content)
     return document
-
-
-def _folder(name: str) -> Path:
-    folder = Path(name)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise refused("--out", name, f"but the folder cannot be made: {error.strerror}") from None
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise refused("--out", name, "but nothing may be written there")
-    return folder
 
 
 def _experiment(text: str) -> str:

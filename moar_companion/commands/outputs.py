@@ -41,6 +41,18 @@ def check_outputs(outputs: Mapping[str, str | None], inputs: Mapping[str, str]) 
         taken[real] = option
 
 
+def output_folder(option: str, name: str) -> Path:
+    """A folder for output files, made where it is missing; InputError where it cannot be used."""
+    folder = Path(name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refused(option, name, f"but the folder cannot be made: {error.strerror}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise refused(option, name, "but nothing may be written there")
+    return folder
+
+
 @contextmanager
 def replacing(path: str) -> Iterator[IO[bytes]]:
     """A file that takes its name when it is complete; until then the old file stays.

@@ -1,4 +1,4 @@
-"""`moar-companion site`: a site file from a point cloud or a map, and a map from a site."""
+"""`moar-companion site`: a site file from a point cloud or a map; a map, or orders, from a site."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from typing import IO, TYPE_CHECKING, Any
 from ..errors import InputError
 from ..settings.input_file import open_file, unreadable
 from .options import add_file, file_name, number, numbers, refused, require
-from .outputs import check_outputs, print_text, report_compiling, write_output
+from .outputs import (
+    check_outputs,
+    output_folder,
+    print_text,
+    report_compiling,
+    write_output,
+)
 
 if TYPE_CHECKING:
     from ..planner.plan_values import Plan
@@ -22,12 +28,13 @@ _MAPS = (".kml", ".geojson", ".json", ".csv")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the three actions, each with its own options."""
+    """Adds the actions, each with its own options."""
     parser.add_argument(
         "action",
-        metavar="from-cloud|from-map|show",
+        metavar="|".join(_ACTIONS),
         type=_action,
-        help="a site from a point cloud; from points on a map; a site on a map",
+        help="a site from a point cloud; from points on a map; a site on a map; its orders for "
+        "ground stations",
     )
     parser.add_argument(
         "file", metavar="FILE", type=file_name("FILE"), help="the point cloud, map or site file"
@@ -54,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     cloud.add_argument("--seed", metavar="N", type=_seed, default=0, help="of RANSAC (default: 0)")
     made = parser.add_argument_group("from-cloud and from-map")
-    add_file(made, "--out", "the site file to write")
+    add_file(made, "--out", "the site file to write; actions: the folder")
     add_file(made, "--plot", "draw what was found (.png, .svg, .pdf); needs the extra plots")
     made.add_argument("--name", metavar="NAME", help="of the site (default: the file's)")
     made.add_argument(
@@ -85,17 +92,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_file(shown, "--geojson", "write site and paths as GeoJSON")
     add_file(shown, "--qgc-plan", "write the paths as a mission of QGroundControl")
     add_file(shown, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
+    orders = parser.add_argument_group("actions")
+    orders.add_argument(
+        "--component",
+        metavar="N",
+        type=_component,
+        default=195,
+        help="the companion's component_id (default: 195)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs one action."""
     report_compiling()
-    actions: dict[str, Callable[[argparse.Namespace], int]] = {
-        "from-cloud": _from_cloud,
-        "from-map": _from_map,
-        "show": _show,
-    }
-    return actions[arguments.action](arguments)
+    return _ACTIONS[arguments.action](arguments)
 
 
 def _from_cloud(arguments: argparse.Namespace) -> int:
@@ -255,6 +265,25 @@ def _show(arguments: argparse.Namespace) -> int:
     return _finished(failures)
 
 
+def _actions(arguments: argparse.Namespace) -> int:
+    from ..planner.site import Site  # noqa: PLC0415
+    from .order_files import order_files  # noqa: PLC0415
+
+    if arguments.out is None:
+        raise InputError("--out", "", "is missing: the folder to write into")
+    site = Site.load(arguments.file)
+    folder = output_folder("--out", arguments.out)
+    failures = []
+    for name, text in order_files(site, arguments.component).items():
+        path = folder / name
+        verb = "replaced" if path.exists() else "wrote"
+        failure = write_output("--out", str(path), partial(_write_text, text))
+        failures.append(failure)
+        if failure is None:
+            print_text(f"{verb} {path}\n")
+    return _finished(failures)
+
+
 def _paths(planner: Planner, site: Site) -> tuple[list[Plan], list[str]]:
     """The paths of an inspection of all targets in turn, and of the exit from the last."""
     from ..types import Mission  # noqa: PLC0415
@@ -326,10 +355,15 @@ def _finished(failures: list[str | None], written: str | None = None) -> int:
 
 
 def _action(text: str) -> str:
-    known = ("from-cloud", "from-map", "show")
-    if text not in known:
-        raise refused("site", text, f"must be one of {', '.join(known)}")
+    if text not in _ACTIONS:
+        raise refused("site", text, f"must be one of {', '.join(_ACTIONS)}")
     return text
+
+
+def _component(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 2 <= int(text[:9]) <= 255:
+        raise refused("--component", text, "must be the companion's component id, 2 to 255")
+    return int(text)
 
 
 def _place(text: str) -> tuple[float, ...]:
@@ -360,3 +394,11 @@ def _length(option: str, most_m: float = 100.0) -> Callable[[str], float]:
         return value
 
     return parse
+
+
+_ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "from-cloud": _from_cloud,
+    "from-map": _from_map,
+    "show": _show,
+    "actions": _actions,
+}
