@@ -7,7 +7,7 @@ import sys
 
 from . import __doc__ as usage
 
-COUNTS = {"bytes": 10**7, "messages": 2 * 10**6, "coverage": 900}
+COUNTS = {"bytes": 10**7, "messages": 2 * 10**6, "services": 10**6, "coverage": 900}
 
 
 def main() -> int:
@@ -23,6 +23,12 @@ def main() -> int:
         from . import coverage
 
         return coverage.run(count)
+    if options.what == "services":
+        from . import services
+
+        served = services.run(count)
+        sys.stdout.write(str(served))
+        return int(bool(served.found))
     from . import flights
 
     first, end = map(int, options.lives.split(":"))

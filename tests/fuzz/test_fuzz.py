@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from tests.fuzz import coverage, flights
+from tests.fuzz import coverage, flights, services
 
 pytestmark = pytest.mark.slow
 
@@ -18,6 +18,13 @@ pytestmark = pytest.mark.slow
 def test_hostile_input_in_flight_raises_nothing_and_moves_nothing(what, count, seed):
     report = flights.run(what, count, [seed])
     assert report.given >= count
+    assert report.found == []
+
+
+def test_hostile_requests_to_the_services_raise_nothing_and_move_no_setpoint():
+    report = services.run(10_000)
+    assert report.given >= 10_000
+    assert report.answers["FILE_TRANSFER_PROTOCOL"] > 100
     assert report.found == []
 
 

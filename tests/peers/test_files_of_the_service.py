@@ -1,0 +1,83 @@
+"""Ground stations' own clients download the component's metadata from the service, by sockets.
+
+MAVSDK and pymavlink stand beside the fake PX4, which routes between them and the service.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hashlib
+
+import pytest
+from mavsdk import ComponentType, Configuration, log_subscribe
+from mavsdk.asyncio import Mavsdk
+from mavsdk.asyncio.plugins.ftp import FtpAsync
+from mavsdk.plugins.ftp import FtpError, FtpResult
+from pymavlink import mavftp, mavutil
+
+from moar_companion.mavlink.component.component_metadata import metadata_files
+
+from .pilot import FOUND_WITHIN_S
+from .processes import companion_beside_autopilot
+
+COMPONENT = 195
+FILES = metadata_files(COMPONENT)
+
+
+@contextlib.asynccontextmanager
+async def vehicle(port):
+    """The vehicle that MAVSDK finds on a UDP port."""
+    log_subscribe(lambda *_: True)
+    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    configuration.system_id = 255
+    async with Mavsdk(configuration) as mavsdk:
+        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
+        system = await mavsdk.first_autopilot(timeout_s=FOUND_WITHIN_S)
+        assert system is not None, f"MAVSDK finds no autopilot on {port}"
+        yield system
+
+
+def digests(files):
+    return {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+
+
+@pytest.mark.slow
+def test_mavsdk_and_pymavlink_download_the_files_of_the_service(tmp_path, monkeypatch):
+    with companion_beside_autopilot(tmp_path) as (mavsdk_port, pymavlink_port):
+        assert digests(asyncio.run(downloaded_by_mavsdk(mavsdk_port, tmp_path))) == digests(FILES)
+        monkeypatch.chdir(tmp_path)
+        assert digests(downloaded_by_pymavlink(pymavlink_port)) == digests(FILES)
+
+
+async def downloaded_by_mavsdk(port, folder):
+    async with vehicle(port) as system:
+        ftp = FtpAsync(system)
+        await ftp.set_target_compid(COMPONENT)
+        listed = await ftp.list_directory("/")
+        assert {entry.name for entry in listed.entries} == set(FILES)
+        files = {}
+        for name, burst in zip(FILES, (False, True, True), strict=True):
+            async for _ in ftp.download(f"/{name}", str(folder), burst):
+                pass
+            files[name] = (folder / name).read_bytes()
+            assert await ftp.are_files_identical(str(folder / name), f"/{name}")
+        with pytest.raises(FtpError) as refused:
+            await ftp.remove_file("/general.json.xz")
+        assert refused.value.args[0] == FtpResult.FILE_PROTECTED
+        return files
+
+
+def downloaded_by_pymavlink(port):
+    with contextlib.closing(
+        mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=254)
+    ) as link:
+        assert link.wait_heartbeat(timeout=FOUND_WITHIN_S) is not None
+        client = mavftp.MAVFTP(link, target_system=1, target_component=COMPONENT)
+        files = {}
+        for name in FILES:
+            client.cmd_get(
+                [f"/{name}"], callback=lambda file, name=name: files.update({name: file.read()})
+            )
+            client.process_ftp_reply("OpenFileRO", timeout=20)
+        return files
