@@ -16,8 +16,9 @@ from moar_companion.service.recording.calls import call_encoded
 from ..flights.lockstep import Lockstep
 from ..flights.operator import INSPECTION
 from ..flights.test_lidar_on_board import SITE, hovering
+from ..mavlink.component.ftp_client import BURST, OPEN, request
 
-SETPOINT_ID = "540000"
+SETPOINT_ID, FILE_TRANSFER_ID = "540000", "6e0000"
 
 
 def recorded(flight):
@@ -31,7 +32,9 @@ def calls():
     flight.companion.note_wall_clock(1.7e9)
     flight.begin(INSPECTION)
     flight.autopilot.conditions.wind_mps = 6.0
-    flight.run(2.0)
+    for asked in (request(1, OPEN, data=b"/general.json.xz"), request(3, BURST, size=239)):
+        flight.operator.send(asked)
+        flight.run(1.0)
     return recorded(flight)
 
 
@@ -61,6 +64,8 @@ def test_planted_differences_are_named_with_both_values_and_there_are_no_others(
     plan["cost"]["total"] *= 1.0 + 1e-15
     job = results(calls, "contingency_jobs")[0][0]
     job["widening_m"] += 0.5
+    sent_ids = {packet[1][14:20] for sent in results(calls, "data_to_send") for packet in sent}
+    assert FILE_TRANSFER_ID in sent_ids
     found, replay = differences(calls)
     assert replay.compared["packet"] > 500
     one, two, three, four = sorted(found, key=lambda item: item.what)
