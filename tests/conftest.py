@@ -23,7 +23,16 @@ settings.register_profile(
 settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=10)
 settings.load_profile("repeatable")
 
-_EVERY_CASE = {"mavlink", "mqtt", "planning", "preflight", "recording", "replay", "survey"}
+_EVERY_CASE = {
+    "component",
+    "mavlink",
+    "mqtt",
+    "planning",
+    "preflight",
+    "recording",
+    "replay",
+    "survey",
+}
 _FIRST_CASES = {
     "autopilots",
     "companion",

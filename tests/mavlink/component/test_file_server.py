@@ -72,12 +72,30 @@ def test_a_slow_link_gets_pieces_of_its_size_but_not_less_than_pymavlink_asks_fo
     assert b"".join(packet.data for packet in packets) == FILES["parameter.json.xz"]
 
 
+def test_reads_that_wait_for_room_are_eight_at_most(client):
+    client.open()
+    for number in range(20):
+        message = request(3 + 2 * number, READ, size=10, offset=number)
+        assert client.server.handle(message, client.asker, client.now_s) == []
+    assert [packet.offset for packet in client.rest()] == list(range(8))
+
+
 def test_the_list_has_all_files_with_their_sizes_and_then_ends(client):
     entries = client.one(LIST, data=b"/")
     assert entries.data == b"Fgeneral.json.xz\t200\0Fparameter.json.xz\t1000\0"
     assert client.one(LIST, data=b"/", offset=1).data == b"Fparameter.json.xz\t1000\0"
     assert client.one(LIST, data=b"/", offset=2).error == EOF
     assert client.one(LIST, data=b"/etc").error == MISSING
+
+
+def test_a_list_that_is_too_long_for_a_packet_goes_on_at_the_next_entry():
+    names = [f"file number {number}.json.xz" for number in range(20)]
+    client = Client(FileServer(dict.fromkeys(names, b"")))
+    listed = []
+    while (entries := client.one(LIST, data=b"/", offset=len(listed))).opcode == ACK:
+        assert entries.size <= 239
+        listed += [entry.split("\t")[0][1:] for entry in entries.data.decode().split("\0")[:-1]]
+    assert listed == sorted(names)
 
 
 @pytest.mark.parametrize(
