@@ -55,12 +55,21 @@ def autopilot(folder, *arguments):
     return running(folder / "autopilot.log", "sitl", "--truth", truth, *arguments)
 
 
+_KINDS = {
+    "px4": ("--param", "COM_OBL_RC_ACT=5"),
+    "ardupilot": ("--autopilot", "ardupilot", "--param", "SIM_BOOT_S=8"),
+}
+"""Arguments of the fake autopilots: PX4 holds after an offboard loss, ArduPilot starts sooner."""
+
+
 @contextlib.contextmanager
-def companion_beside_autopilot(folder):
-    """The fake PX4 at the site's start with the service on its companion link.
+def companion_beside_autopilot(folder, kind="px4"):
+    """A fake autopilot at the site's start with the service on its companion link.
 
     Yields the ports to which the autopilot sends for ground stations.
     """
+    vehicle = folder / "vehicle.yaml"
+    vehicle.write_text(VEHICLE.read_text().replace("autopilot: px4", f"autopilot: {kind}"))
     companion_port, *operator_ports = free_ports(3)
     site = Site.load(SITE)
     home = site.frame.to_geodetic((site.start_m[0], 0.0, 0.0))
@@ -75,8 +84,7 @@ def companion_beside_autopilot(folder):
             f"--home={home.latitude_deg!r},{home.longitude_deg!r},{home.altitude_amsl_m!r}",
             "--link",
             f"companion=udpout:127.0.0.1:{companion_port}",
-            "--param",
-            "COM_OBL_RC_ACT=5",
+            *_KINDS[kind],
             *links,
         ),
         running(
@@ -85,7 +93,7 @@ def companion_beside_autopilot(folder):
             "--connect",
             f"udp:127.0.0.1:{companion_port}",
             "--vehicle",
-            VEHICLE,
+            vehicle,
             "--site",
             SITE,
         ),

@@ -32,7 +32,7 @@ def answer_to(order):
     try:
         accepted = MAV.doCommand(*(ids + params))  # MAV: Mission Planner's connection
     except Exception as error:
-        return "%s: no answer (%s)" % (label, error)
+        return "%s: no answer (%s)" % (label, str(error).split("\n")[0])
     return "%s: %s" % (label, "accepted" if accepted else "not accepted, see Messages")
 
 
