@@ -63,6 +63,18 @@ the target or of the landing point, from 0; -1: all targets in turn, any landing
 
 {orders}
 
+## Messages of the companion
+
+What component 195 publishes, and sends on MAV_CMD_REQUEST_MESSAGE. MAV_CMD_SET_MESSAGE_INTERVAL
+sets an interval on the sender's link until the service ends. In brackets the interval on a serial
+line below 160,000 baud. A message that takes a serial line over 20 ms is not repeated there.
+
+{published}
+
+Values to plot; one that is unknown is not sent.
+
+{values}
+
 ## Messages of the autopilot
 
 Rates in Hz that the companion requests where they are not received; in brackets on a link that is
@@ -153,6 +165,7 @@ def _files(checkout: Path) -> Iterator[tuple[Path, str]]:
     tables = {"service": table(service), "vehicle": table(VehicleFile), "site": table(SiteFile)}
     tables |= {"orders": _orders(), "messages": _messages(), "topics": _topics()}
     tables |= {"parameters": _parameters(), **_flight_parameters()}
+    tables |= {"published": _published(), "values": _values()}
     tables |= {"channels": _channels(), "texts": _texts(), **_conditions()}
     yield configs / "reference.md", _PAGE.format(**tables)
     for name, model, example in (
@@ -200,6 +213,37 @@ def _orders() -> str:
         (
             f"| {word} | {names[command]} ({command}) | {param1:g} |"
             for word, (command, param1) in ORDERS.items()
+        ),
+    )
+
+
+def _published() -> str:
+    from ..mavlink.component.published import PUBLISHED  # noqa: PLC0415
+
+    def shown(period_s: float | None, slow_s: float | None) -> str:
+        bracket = "" if slow_s is None else f" ({slow_s:g} s)"
+        return "on request" if period_s is None else f"{period_s:g} s{bracket}"
+
+    return _table(
+        "message | content | interval",
+        (
+            f"| `{row.name}` | {row.about} | {shown(row.period_s, row.slow_period_s)} |"
+            for row in PUBLISHED.values()
+        ),
+    )
+
+
+def _values() -> str:
+    from ..mavlink.component.named_values import NAMED_VALUES  # noqa: PLC0415
+
+    def message(whole: bool) -> str:
+        return "NAMED_VALUE_INT" if whole else "NAMED_VALUE_FLOAT"
+
+    return _table(
+        "name | unit | meaning | message",
+        (
+            f"| `{row.name}` | {row.unit} | {row.about} | {message(row.whole)} |"
+            for row in NAMED_VALUES.values()
         ),
     )
 

@@ -124,16 +124,17 @@ class Reports:
 
         offset_m: of the line's frame, in which the pose is; recorded where there is one.
         """
-        for name, value in (
-            ("RISK_WIND", risk.wind),
-            ("RISK_COMM", risk.communication),
-            ("RISK_LOC", risk.localization),
-            ("RISK_BATT", risk.battery),
-            ("K_SAFETY", weights.safety),
-            ("K_TIME", weights.time),
-            ("K_ENERGY", weights.energy),
-        ):
-            self._session.send_named_value(name, value, now_s)
+        self._session.services.values.take(
+            {
+                "RISK_WIND": risk.wind,
+                "RISK_COMM": risk.communication,
+                "RISK_LOC": risk.localization,
+                "RISK_BATT": risk.battery,
+                "K_SAFETY": weights.safety,
+                "K_TIME": weights.time,
+                "K_ENERGY": weights.energy,
+            }
+        )
         self.record(
             "status",
             now_s,

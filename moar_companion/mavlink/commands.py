@@ -3,10 +3,14 @@
 MAV_CMD_USER_1 (31010), a `MissionCommand`, and MAV_CMD_DO_PAUSE_CONTINUE (193), a `PauseContinue`:
 param1 by `ORDERS`; param2 of the first is the index.
 
+Commands about messages (MAV_CMD_REQUEST_MESSAGE and its like), a `MessageCommand`, are answered by
+the services of the component. Commands that fly the aircraft are the autopilot's: one that reaches
+the companion by mistake, as after `set target_component 195`, is denied with a text that names
+their receiver. (SET_MODE has no target component, so it is always the autopilot's.)
+
 The companion answers every command addressed to it, unknown ones with UNSUPPORTED. Of commands to
-component 0 it answers only these two. Both autopilots broadcast commands for other components (PX4
-sends gimbal commands in landing and RTL). DO_SET_MISSION_CURRENT and DO_REPOSITION belong to the
-autopilot: the companion answers them only when they carry exactly its address.
+component 0 it answers only its orders, and requests of its messages. Both autopilots broadcast
+commands for other components (PX4 sends gimbal commands in landing and RTL).
 
 Source: https://mavlink.io/en/services/command.html.
 """
@@ -38,6 +42,27 @@ ORDERS: dict[str, tuple[int, float]] = {
     "continue": (_PAUSE, 1.0),
 }
 """Command and its param1, by the order's word; `service/mqtt/payloads` has the same words."""
+
+MESSAGE_COMMANDS = frozenset(
+    {
+        int(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL),
+        int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL),
+        int(mavlink.MAV_CMD_REQUEST_MESSAGE),
+        int(mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION),
+        int(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES),
+    }
+)
+"""Commands about what the companion sends."""
+_OF_AUTOPILOT = {
+    int(mavlink.MAV_CMD_DO_SET_MODE): "mode",
+    int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM): "arming",
+    int(mavlink.MAV_CMD_NAV_TAKEOFF): "takeoff",
+    int(mavlink.MAV_CMD_NAV_LAND): "landing",
+    int(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH): "return",
+    int(mavlink.MAV_CMD_DO_REPOSITION): "position",
+    int(mavlink.MAV_CMD_MISSION_START): "mission",
+}
+"""Commands that fly the aircraft, with a word for texts."""
 
 _MAX_INDEX = 65535
 """Greatest index: no site file has more targets, and a float holds such integers exactly."""
@@ -110,6 +135,12 @@ def stops(command: Command) -> bool:
     return holds(command) or (isinstance(command, MissionCommand) and command.mission == "release")
 
 
+def is_request(command: Command) -> bool:
+    """Returns True for a command that changes nothing, neither the flight nor what is sent."""
+    sets = command.command == int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+    return isinstance(command, MessageCommand) and not sets
+
+
 def holds(command: Command) -> bool:
     """Returns True for a hold or a pause.
 
@@ -130,6 +161,14 @@ class DeniedCommand(Command):
     """Command with an invalid parameter, or of a sender that may not command; already answered."""
 
     reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessageCommand(Command):
+    """Command about the companion's messages; the services of the component answer it."""
+
+    to_all: bool
+    """True if it is addressed to all components."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,7 +203,7 @@ class CommandAnswer:
 
 def interpret(
     message: Message, *, link: str, system_id: int, component_id: int
-) -> MissionCommand | PauseContinue | UnsupportedCommand | DeniedCommand | None:
+) -> MissionCommand | PauseContinue | MessageCommand | UnsupportedCommand | DeniedCommand | None:
     """Returns the command of a COMMAND_LONG or COMMAND_INT; None: other addressee. Never raises.
 
     system_id, component_id: the companion's.
@@ -184,7 +223,17 @@ def interpret(
         return _mission_command(given)
     if message.command == _PAUSE:
         return _pause_continue(given)
-    return None if message.target_component == 0 else UnsupportedCommand(**given)
+    to_all = message.target_component == 0
+    if message.command in MESSAGE_COMMANDS:
+        return MessageCommand(**given, to_all=to_all)
+    if to_all:
+        return None
+    if message.command in _OF_AUTOPILOT:
+        reason = pilot_texts.FOR_AUTOPILOT(
+            kind=_OF_AUTOPILOT[message.command], detail="the autopilot"
+        )
+        return DeniedCommand(**given, reason=reason)
+    return UnsupportedCommand(**given)
 
 
 class _Given(TypedDict):

@@ -1,10 +1,10 @@
 """MAVLink messages of the companion: pymavlink's `all` dialect and the messages it lacks.
 
 PX4 sends LINK_NODE_STATUS, EVENT, CURRENT_EVENT_SEQUENCE, COMPONENT_METADATA and ESC_STATUS
-unrequested. Ground stations send COMMAND_CANCEL, and request COMPONENT_METADATA or, before it,
-COMPONENT_INFORMATION. TIMESYNC has target fields. No dialect of pymavlink 2.4.50 has these
-definitions. Importing this module adds them to the dialect's `mavlink_map`; a definition of a later
-pymavlink with all these fields has precedence.
+unrequested. Ground stations send COMMAND_CANCEL, and request PROTOCOL_VERSION, COMPONENT_METADATA
+or, before it, COMPONENT_INFORMATION. TIMESYNC has target fields. No dialect of pymavlink 2.4.50 has
+these definitions. Importing this module adds them to the dialect's `mavlink_map`; a definition of a
+later pymavlink with all these fields has precedence.
 
 Source: the message definitions of mavlink/mavlink (common.xml, development.xml); checked against
 recordings of PX4 v1.17 and v1.18.
@@ -107,6 +107,18 @@ _DEFINITIONS = (
             ("float", "voltage", 4),
             ("float", "current", 4),
             ("uint8_t", "index", 0),
+        ),
+    ),
+    _Definition(
+        message_id=300,
+        name="PROTOCOL_VERSION",
+        crc_extra=217,
+        fields=(
+            ("uint16_t", "version", 0),
+            ("uint16_t", "min_version", 0),
+            ("uint16_t", "max_version", 0),
+            ("uint8_t", "spec_version_hash", 8),
+            ("uint8_t", "library_version_hash", 8),
         ),
     ),
     _Definition(

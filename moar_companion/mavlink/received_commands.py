@@ -19,12 +19,14 @@ from .commands import (
     CommandCancelled,
     CommandResult,
     DeniedCommand,
+    MessageCommand,
     MissionCommand,
     PauseContinue,
     Sender,
     UnsupportedCommand,
     holds,
     interpret,
+    is_request,
     stops,
 )
 from .dialect import Message
@@ -115,7 +117,7 @@ class _Received:
     def __init__(self, command: Accepted, sequence: int, now_s: float) -> None:
         self.command = command
         self.sequence = sequence
-        self.answer = _answer(command, CommandResult.IN_PROGRESS, progress=_PROGRESS_UNKNOWN)
+        self.answer = answer_to(command, CommandResult.IN_PROGRESS, progress=_PROGRESS_UNKNOWN)
         self.received_s = self.answered_s = now_s
         self.executed_s: float | None = None
         """Time when its execution began; None while it waits."""
@@ -137,9 +139,13 @@ class _Received:
 
 
 class Reception(NamedTuple):
-    """Result of a packet: an accepted command or an event for the service, an answer to send."""
+    """Result of a packet: an accepted command or an event for the service, an answer to send.
+
+    asked: a command that the services of the component answer.
+    """
 
     accepted: Accepted | None = None
+    asked: MessageCommand | None = None
     event: UnsupportedCommand | DeniedCommand | CommandCancelled | None = None
     answer: CommandAnswer | None = None
 
@@ -231,35 +237,38 @@ class ReceivedCommands:
         if command is None:
             return _NOTHING
         reception = self._reception(command, message, objection, now_s)
-        if reception.answer is not None and not self._answers.allows(sender, now_s):
+        limited = reception.answer is not None or reception.asked is not None
+        if limited and not self._answers.allows(sender, now_s):
             return _NOTHING
         return reception
 
     def _reception(
         self,
-        command: Accepted | UnsupportedCommand | DeniedCommand,
+        command: Accepted | MessageCommand | UnsupportedCommand | DeniedCommand,
         message: Message,
         objection: str | None,
         now_s: float,
     ) -> Reception:
         """Result of a command before the limit on answers. objection: reason against its sender."""
         if isinstance(command, UnsupportedCommand):
-            return Reception(event=command, answer=_answer(command, CommandResult.UNSUPPORTED))
-        if objection is not None and not holds(command):
+            return Reception(event=command, answer=answer_to(command, CommandResult.UNSUPPORTED))
+        if objection is not None and not (holds(command) or is_request(command)):
             command = DeniedCommand(
                 sender=command.sender,
                 command=command.command,
                 parameters=command.parameters,
                 reason=objection,
             )
+        if isinstance(command, MessageCommand):
+            return Reception(asked=command)
         if isinstance(command, DeniedCommand):
-            return Reception(event=command, answer=_answer(command, CommandResult.DENIED))
+            return Reception(event=command, answer=answer_to(command, CommandResult.DENIED))
         command = replace(command, permitted=objection is None, number=self._last_number + 1)
         answer = self._answer_to_old(command, message, now_s)
         if answer is not None:
             return Reception(answer=answer)
         if not self._limit_of(command).allows(command.sender, now_s):
-            return Reception(answer=_answer(command, CommandResult.TEMPORARILY_REJECTED))
+            return Reception(answer=answer_to(command, CommandResult.TEMPORARILY_REJECTED))
         self._remember(command, message.get_seq(), now_s)
         return Reception(accepted=command)
 
@@ -314,7 +323,7 @@ class ReceivedCommands:
         received = self._open.get(command.number)
         if received is None:
             return None
-        received.answer = _answer(command, result, progress=progress, result_param2=result_param2)
+        received.answer = answer_to(command, result, progress=progress, result_param2=result_param2)
         received.answered_s = now_s
         if received.open:
             received.progress_sent = True
@@ -349,7 +358,7 @@ class ReceivedCommands:
                 return replace(known.answer, receiver=sender)
         elif not self._is_late(sender, message.get_seq(), now_s, confirmed=confirmed):
             return None
-        return _answer(command, CommandResult.CANCELLED)
+        return answer_to(command, CommandResult.CANCELLED)
 
     def _since(self, known: _Received) -> list[Accepted]:
         """Commands that were received after a remembered one."""
@@ -403,14 +412,15 @@ class ReceivedCommands:
         if received is None or not received.open:
             return _NOTHING
         command = received.command
-        received.answer = _answer(command, CommandResult.CANCELLED)
+        received.answer = answer_to(command, CommandResult.CANCELLED)
         del self._open[command.number]
         return Reception(event=CommandCancelled(command=command), answer=received.answer)
 
 
-def _answer(
+def answer_to(
     command: Command, result: CommandResult, *, progress: int = 0, result_param2: int = 0
 ) -> CommandAnswer:
+    """COMMAND_ACK of a command to its sender."""
     return CommandAnswer(
         receiver=command.sender,
         command=command.command,

@@ -38,7 +38,7 @@ from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRes
 from .outbox import Outbox
 from .own_ids import ComponentConflict, OwnIds
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
-from .received_commands import ReceivedCommands
+from .received_commands import ReceivedCommands, answer_to
 from .signing import LinkSigning, SignedLinks
 from .statustext import Severity, StatusTexts
 from .telemetry import Telemetry
@@ -302,7 +302,11 @@ class Session:
             self._receiver.note_order(reception.accepted.sender.system_id)
         if reception.event is not None:
             self._events.append(reception.event)
-        self._acknowledge(reception.answer, link)
+        answer, asked = reception.answer, reception.asked
+        if asked is not None:
+            result = self.services.carry_out(asked, now_s)
+            answer = None if result is None else answer_to(asked, result)
+        self._acknowledge(answer, link)
 
     def _receive_acknowledgement(self, message: Message, now_s: float) -> None:
         if (message.target_system, message.target_component) not in {(0, 0), self._ids}:
@@ -341,6 +345,7 @@ class Session:
         """Queues the heartbeat, requests that are due, and then answers of the services."""
         self._now_s = now_s
         self._outbox.send_heartbeat_if_due(now_s, system_status, custom_mode)
+        self.services.published.offer("HEARTBEAT", partial(_heartbeat, system_status, custom_mode))
         self._receiver.identity.forget_silent(now_s)
         self._send_requests(now_s)
         for link, message in self.services.due(now_s):
@@ -394,15 +399,6 @@ class Session:
         self._acknowledge(answer, command.sender.link)
         return answer is not None
 
-    def send_named_value(self, name: str, value: float, now_s: float) -> None:
-        """Queues NAMED_VALUE_FLOAT on all links, if the value is finite.
-
-        Raises ValueError if the name is longer than 10 ASCII characters.
-        """
-        message = translate_outgoing.named_value_message(name, value, now_s)
-        if message is not None:
-            self._outbox.send_to_all(message)
-
     def send_text(
         self,
         severity: Severity,
@@ -425,6 +421,10 @@ class Session:
     def _acknowledge(self, answer: CommandAnswer | None, link: str) -> None:
         if answer is not None:
             self._outbox.send(link, answer.message())
+
+
+def _heartbeat(system_status: SystemStatus, custom_mode: int, _now_s: float) -> list[Message]:
+    return [translate_outgoing.heartbeat_message(system_status, custom_mode)]
 
 
 def _source(message: Message) -> tuple[int, int]:

@@ -53,7 +53,7 @@ def setpoint_message(
     crashes ArduPilot's process, and PX4 drops it silently.
     """
     values = (*position_ned_m, *velocity_ned_mps, yaw_rad)
-    if not all(_is_sendable(value) for value in values):
+    if not all(is_sendable(value) for value in values):
         raise ValueError(f"a setpoint must be finite: {values}")
     return mavlink.MAVLink_set_position_target_local_ned_message(
         milliseconds(now_s),
@@ -96,24 +96,22 @@ def parameter_request_message(*, target: tuple[int, int], name: str) -> Message:
     )
 
 
-def named_value_message(name: str, value: float, now_s: float) -> Message | None:
-    """NAMED_VALUE_FLOAT; None if the value is not finite.
+def named_value_message(name: str, value: float, now_s: float, *, whole: bool = False) -> Message:
+    """NAMED_VALUE_FLOAT, or NAMED_VALUE_INT of a whole number.
 
     Raises ValueError unless the name has 1 to 10 ASCII characters.
     """
     if not (name.isascii() and 0 < len(name) <= _NAME_LENGTH):
         raise ValueError(f"{name!r} is not a name of 1 to {_NAME_LENGTH} ASCII characters")
-    if not _is_sendable(value):
-        return None
     return create(
-        "NAMED_VALUE_FLOAT",
+        "NAMED_VALUE_INT" if whole else "NAMED_VALUE_FLOAT",
         time_boot_ms=milliseconds(now_s),
         name=name.encode("ascii"),
-        value=value,
+        value=int(value) if whole else value,
     )
 
 
-def _is_sendable(value: float) -> bool:
+def is_sendable(value: float) -> bool:
     """Returns True if a value is finite as MAVLink's float (single precision)."""
     return abs(value) <= _MAX_FLOAT
 

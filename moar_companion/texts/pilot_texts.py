@@ -175,6 +175,13 @@ NO_PAUSE = PilotText(
     meaning="of DO_PAUSE_CONTINUE: 0 pauses, 1 continues",
     remedy="send 0 or 1",
 )
+FOR_AUTOPILOT = PilotText(
+    pattern="{kind} commands go to component 1",
+    actions=_DENIED,
+    meaning="a command that flies the aircraft (mode, arming, …) was sent to the companion; it "
+    "belongs to the autopilot, component 1",
+    remedy="in MAVProxy `set target_component 1`; take over by the transmitter meanwhile",
+)
 LINK_MAY_NOT = PilotText(
     pattern="this link may not command",
     actions=_DENIED,

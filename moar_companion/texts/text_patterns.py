@@ -26,6 +26,7 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "state": ("holding", "planning"),
     "before": ("flying inspection", "landing leg of the evacuation"),
     "order": ("release", "release"),
+    "kind": ("mode", "position"),
     "risk": ("wind", "communication"),
     "path": ("path 1.4 m outward", "path 9999 m outward"),
     "trigger": ("RC loss", "companion loss"),

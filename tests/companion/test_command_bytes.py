@@ -26,7 +26,6 @@ from .desk import (
     PAUSE_CONTINUE,
     RELEASE,
     TEMPORARILY_REJECTED,
-    UNSUPPORTED,
     USER_1,
     Desk,
 )
@@ -100,8 +99,8 @@ def test_parameters_that_mean_nothing_here_may_be_nan():
         ((1, 0), RELEASE, ACCEPTED),
         ((0, 0), RELEASE, ACCEPTED),
         ((0, 195), RELEASE, ACCEPTED),
-        ((1, 195), ARM, UNSUPPORTED),
-        ((0, 195), ARM, UNSUPPORTED),
+        ((1, 195), ARM, DENIED),
+        ((0, 195), ARM, DENIED),
         ((1, 0), ARM, None),
         ((0, 0), GIMBAL, None),
         ((1, 1), RELEASE, None),

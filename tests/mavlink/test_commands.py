@@ -79,9 +79,9 @@ def test_do_pause_continue_is_read_and_other_values_are_denied(ground_station):
 
 @pytest.mark.parametrize("target", [(1, 195), (0, 195)])
 def test_an_unknown_command_to_the_companion_is_unsupported(ground_station, target):
-    command = interpreted(ground_station.command(400, 1, target=target))
+    command = interpreted(ground_station.command(401, 1, target=target))
     assert isinstance(command, UnsupportedCommand)
-    assert command.command == 400
+    assert command.command == 401
 
 
 @pytest.mark.parametrize("target", [(1, 0), (0, 0)])
@@ -90,7 +90,7 @@ def test_of_broadcast_commands_only_the_companions_are_taken(ground_station, tar
     assert isinstance(
         interpreted(ground_station.command(PAUSE_CONTINUE, 1, target=target)), PauseContinue
     )
-    for number in (400, 511, 1000, 1001, 224, 192):
+    for number in (400, 401, 1000, 1001, 224, 192):
         assert interpreted(ground_station.command(number, NAN, target=target)) is None
 
 
@@ -99,6 +99,13 @@ def test_commands_to_other_components_are_ignored(ground_station, target):
     assert interpreted(ground_station.command(USER_1, 1, target=target)) is None
 
 
-@pytest.mark.parametrize("number", [224, 192])
-def test_an_autopilots_command_addressed_to_the_companion_is_unsupported(ground_station, number):
-    assert isinstance(interpreted(ground_station.command(number)), UnsupportedCommand)
+def test_a_command_about_a_mission_addressed_to_the_companion_is_unsupported(ground_station):
+    assert isinstance(interpreted(ground_station.command(224)), UnsupportedCommand)
+
+
+@pytest.mark.parametrize("number", [20, 21, 22, 176, 192, 300, 400])
+def test_a_command_that_flies_the_aircraft_is_denied(ground_station, number):
+    for data in (ground_station.command(number), ground_station.command_int(number)):
+        command = interpreted(data)
+        assert isinstance(command, DeniedCommand)
+        assert "commands go to component 1" in command.reason

@@ -28,6 +28,7 @@ def test_the_check_byte_of_each_message_follows_from_its_name_and_fields(definit
         ("COMMAND_CANCEL", 4),
         ("TIMESYNC", 18),
         ("ESC_STATUS", 57),
+        ("PROTOCOL_VERSION", 22),
         ("COMPONENT_INFORMATION", 212),
         ("COMPONENT_METADATA", 108),
         ("EVENT", 53),

@@ -50,7 +50,7 @@ def test_an_answer_goes_to_the_commands_sender(ground_station):
 
 def test_an_invalid_command_is_answered_at_once(ground_station):
     desk = Desk()
-    event, answer = desk.receive(ground_station.command(400))
+    event, answer = desk.receive(ground_station.command(401))
     assert isinstance(event, UnsupportedCommand)
     assert answer.result is CommandResult.UNSUPPORTED
     event, answer = desk.receive(ground_station.command(USER_1, 9))
@@ -281,7 +281,7 @@ def test_the_number_of_remembered_senders_is_limited(peer):
     assert len(desk.ledger._remembered) == 64
 
 
-@pytest.mark.parametrize("words", [(USER_1, 9), (400, 1), (USER_1, 1)])
+@pytest.mark.parametrize("words", [(USER_1, 9), (401, 1), (USER_1, 1)])
 def test_a_sender_gets_at_most_twenty_answers_at_once_and_then_two_a_second(
     ground_station, peer, words
 ):

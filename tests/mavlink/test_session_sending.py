@@ -29,7 +29,7 @@ ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 def test_a_heartbeat_is_the_first_packet_sent(story, autopilot, ground_station):
     story.handle(autopilot.heartbeat())
-    story.handle(ground_station.command(400))
+    story.handle(ground_station.command(401))
     story.handle(autopilot.send("TIMESYNC", tc1=0, ts1=1, target_system=0, target_component=0))
     story.session.send_text(Severity.INFO, "hello", story.now_s)
     assert story.session.data_to_send() == []
@@ -198,11 +198,11 @@ def test_an_unknown_command_is_answered_at_once_and_a_broadcast_one_is_not(
     story, autopilot, ground_station
 ):
     story.meet(autopilot)
-    story.handle(ground_station.command(400, target=(1, 195)))
+    story.handle(ground_station.command(401, target=(1, 195)))
     story.handle(autopilot.command(1000, math.nan, target=(1, 0)))
     story.handle(autopilot.command(1001, target=(1, 0)))
     (acknowledged,) = of_type(story.sent(), "COMMAND_ACK")
-    assert (acknowledged.command, acknowledged.result) == (400, 3)
+    assert (acknowledged.command, acknowledged.result) == (401, 3)
 
 
 def test_a_repeat_is_answered_on_the_link_it_came_from(story, autopilot, ground_station):
@@ -309,26 +309,18 @@ def test_a_setpoint_that_is_not_finite_is_refused(story, autopilot):
 
 def test_values_and_texts_go_to_all_links(story, autopilot):
     story.meet(autopilot)
-    story.session.send_named_value("RISK_WIND", 0.25, story.now_s)
-    story.session.send_named_value("RISK_COMM", math.nan, story.now_s)
+    story.session.services.values.take({"RISK_WIND": 0.25, "RISK_COMM": math.nan, "TO_GO": None})
     story.session.send_text(Severity.WARNING, "w" * 60, story.now_s)
     story.session.send_text(Severity.WARNING, "w" * 60, story.now_s + 9.0)
     sent = story.sent()
     assert [(link, m.get_type()) for link, m in sent] == [
-        ("serial", "NAMED_VALUE_FLOAT"),
-        ("network", "NAMED_VALUE_FLOAT"),
         ("serial", "STATUSTEXT"),
         ("network", "STATUSTEXT"),
         ("serial", "STATUSTEXT"),
         ("network", "STATUSTEXT"),
     ]
-    assert (sent[0][1].name, sent[0][1].value) == ("RISK_WIND", 0.25)
-
-
-@pytest.mark.parametrize("name", ["", "ELEVENCHARS", "RISIKO_Ä"])
-def test_a_value_needs_a_name_of_at_most_ten_characters(story, name):
-    with pytest.raises(ValueError, match="is not a name"):
-        story.session.send_named_value(name, 1.0, story.now_s)
+    plotted = [(on, m) for _, on, m in story.run(0.6) if m.get_type() == "NAMED_VALUE_FLOAT"]
+    assert [(on, m.value) for on, m in plotted] == [("serial", 0.25), ("network", 0.25)]
 
 
 def test_each_link_has_a_sequence_of_its_own(story, autopilot):

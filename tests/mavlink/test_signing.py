@@ -308,7 +308,7 @@ def test_all_packets_are_signed_on_signed_links_and_none_on_others():
     for step in range(200):
         session.tick(1.0 + 0.02 * step, SystemStatus.ACTIVE)
         session.receive("serial", peers["serial"].heartbeat(), 1.0 + 0.02 * step)
-        session.send_named_value("RISK_WIND", 0.5, 1.0)
+        session.services.values.take({"RISK_WIND": 0.5})
         sent += session.data_to_send()
     assert {link for link, _ in sent} == {"serial", "plain", "network"}
     for link, data in sent:

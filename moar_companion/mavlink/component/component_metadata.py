@@ -90,19 +90,20 @@ def metadata_files(component_id: int) -> Mapping[str, bytes]:
     return MappingProxyType({_name(_GENERAL): _compressed(general), **files})
 
 
-def component_metadata(component_id: int, now_s: float) -> Message:
+def component_metadata(component_id: int, now_s: float) -> list[Message]:
     """COMPONENT_METADATA: place and checksum of the general file."""
-    return create(
+    message = create(
         "COMPONENT_METADATA",
         time_boot_ms=milliseconds(now_s),
         file_crc=_general_crc(component_id),
         uri=_uri(_GENERAL, component_id).encode(),
     )
+    return [message]
 
 
-def component_information(component_id: int, now_s: float) -> Message:
+def component_information(component_id: int, now_s: float) -> list[Message]:
     """COMPONENT_INFORMATION, its deprecated predecessor, which also named files of peripherals."""
-    return create(
+    message = create(
         "COMPONENT_INFORMATION",
         time_boot_ms=milliseconds(now_s),
         general_metadata_file_crc=_general_crc(component_id),
@@ -110,6 +111,7 @@ def component_information(component_id: int, now_s: float) -> Message:
         peripherals_metadata_file_crc=0,
         peripherals_metadata_uri=b"",
     )
+    return [message]
 
 
 def _general_crc(component_id: int) -> int:

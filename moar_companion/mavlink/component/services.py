@@ -1,26 +1,37 @@
 """The hook of the session for all services of the component: who is answered, and how much. No I/O.
 
 Answers to TIMESYNC and PING are sent at once, within a rate, since they measure a round trip. All
-others wait for room in their link's budget (`link_budget`): first short answers in the order of
-their requests, then the lists and files that were asked for on the link, in turn.
-Memory and cost of a packet are bounded, for any number of requests.
+else waits for room in the link's budget (`link_budget`), in turn: short answers in the order of
+their requests, published messages, and of each service the lists and files that were asked for on
+the link. Memory and cost of a packet are bounded, for any number of requests.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Mapping
+from functools import partial
 
 from ...settings.flight_parameters import FlightParameters
+from ...settings.link_config import LinkRole
 from ...types import AutopilotKind
+from ..commands import CommandResult, MessageCommand
 from ..dialect import Message
 from ..rate_limits import SenderLimit
-from .component_metadata import metadata_files
+from .component_metadata import component_information, component_metadata, metadata_files
 from .component_service import Asker, ComponentService
 from .file_server import FileServer
 from .link_budget import LinkBudget
+from .named_values import NamedValues
 from .parameter_server import ParameterServer
-from .requested_messages import CLOCK_IDS, clock_answer
+from .published import PublishedMessages
+from .requested_messages import (
+    CLOCK_IDS,
+    clock_answer,
+    component_version,
+    protocol_version,
+    result_of,
+)
 
 _MOST_WAITING = 64
 """Limit of short answers that wait on a link; beyond it a request gets none and is repeated."""
@@ -31,6 +42,9 @@ _MOST_A_CYCLE = 16
 class ComponentServices:
     """The services of one component on all its links.
 
+    links: name and role of each link. `published` takes the content of messages that ground
+    stations can request, `values` what they can plot.
+
     parameters: the settings that may be changed; None: the component has no parameters. autopilot:
     returns the kind of the autopilot; None while it is unknown.
     """
@@ -40,7 +54,7 @@ class ComponentServices:
 
     def __init__(
         self,
-        links: Collection[str],
+        links: Mapping[str, LinkRole],
         component_id: int,
         parameters: FlightParameters | None = None,
         autopilot: Callable[[], AutopilotKind | None] = lambda: None,
@@ -52,10 +66,19 @@ class ComponentServices:
             self.parameters = ParameterServer(parameters, links, autopilot)
             self._services += (self.parameters,)
         self._budgets = {link: LinkBudget(link) for link in links}
-        self._waiting: dict[str, deque[Message]] = {link: deque() for link in self._budgets}
-        self._next = dict.fromkeys(self._budgets, 0)
-        """Service whose turn it is, by link."""
+        self._waiting: dict[str, deque[Message]] = {link: deque() for link in links}
+        self._turn = dict.fromkeys(links, 0)
+        """Source of messages whose turn it is, by link."""
         self._at_once = _answer_limit()
+        self._autopilot = autopilot
+        self.values = NamedValues()
+        self.published = PublishedMessages(links, self._budgets)
+        self.published.offer("NAMED_VALUE_FLOAT", self.values.floats)
+        self.published.offer("NAMED_VALUE_INT", self.values.integers)
+        self.published.offer("AUTOPILOT_VERSION", self._component_version)
+        self.published.offer("PROTOCOL_VERSION", protocol_version)
+        self.published.offer("COMPONENT_METADATA", partial(component_metadata, component_id))
+        self.published.offer("COMPONENT_INFORMATION", partial(component_information, component_id))
 
     def receive(
         self,
@@ -83,6 +106,20 @@ class ComponentServices:
                 waiting.extend(service.handle(message, asker, now_s))
         return None
 
+    def carry_out(self, command: MessageCommand, now_s: float) -> CommandResult | None:
+        """Carries out a command about messages; returns its result, None where it gets no answer.
+
+        The messages that it requests follow when the link has room.
+        """
+        waiting = self._waiting[command.sender.link]
+        if len(waiting) >= _MOST_WAITING:
+            return CommandResult.TEMPORARILY_REJECTED
+        done = result_of(command, self.published, now_s)
+        if done is None:
+            return None
+        waiting.extend(done[1])
+        return done[0]
+
     def due(self, now_s: float) -> list[tuple[str, Message]]:
         """Answers that the links have room for now, each with its link."""
         return [
@@ -102,15 +139,26 @@ class ComponentServices:
         return due
 
     def _next_on(self, link: str, most_bytes: int, now_s: float) -> Message | None:
-        if self._waiting[link]:
-            return self._waiting[link].popleft()
-        for _ in self._services:
-            service = self._services[self._next[link]]
-            self._next[link] = (self._next[link] + 1) % len(self._services)
-            message = service.next_answer(link, most_bytes, now_s)
+        """Next message on a link, from each source in turn."""
+        sources = len(self._services) + 2
+        for _ in range(sources):
+            turn = self._turn[link]
+            self._turn[link] = (turn + 1) % sources
+            message = self._next_of(turn, link, most_bytes, now_s)
             if message is not None:
                 return message
         return None
+
+    def _next_of(self, turn: int, link: str, most_bytes: int, now_s: float) -> Message | None:
+        if turn == 0:
+            return self._waiting[link].popleft() if self._waiting[link] else None
+        if turn == 1:
+            return self.published.next_due(link, now_s)
+        return self._services[turn - 2].next_answer(link, most_bytes, now_s)
+
+    def _component_version(self, _now_s: float) -> list[Message]:
+        served = frozenset[int]().union(*(service.MESSAGE_IDS for service in self._services))
+        return [component_version(served, self._autopilot())]
 
 
 def _answer_limit() -> SenderLimit:

@@ -123,7 +123,7 @@ def mavsdk_path(uri):
 
 @pytest.mark.parametrize("path_of", [qgroundcontrol_path, mavsdk_path])
 def test_the_place_in_component_metadata_is_found_as_ground_stations_read_it(files, path_of):
-    message = component_metadata(195, 12.5)
+    (message,) = component_metadata(195, 12.5)
     client = Client(FileServer(files))
     size = client.open(path_of(message.uri).encode()).data
     data = b"".join(packet.data for packet in client.ask(BURST, size=239))
@@ -132,7 +132,7 @@ def test_the_place_in_component_metadata_is_found_as_ground_stations_read_it(fil
 
 
 def test_the_deprecated_message_names_the_same_file():
-    old, new = component_information(195, 1.0), component_metadata(195, 1.0)
+    (old,), (new,) = component_information(195, 1.0), component_metadata(195, 1.0)
     assert (old.general_metadata_uri, old.general_metadata_file_crc) == (new.uri, new.file_crc)
     assert old.peripherals_metadata_uri == ""
 

@@ -21,6 +21,7 @@ from moar_companion.mavlink.component.services import ComponentServices
 from moar_companion.mavlink.dialect import create
 from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.flight_parameters import FlightParameters, flight_parameters
+from moar_companion.settings.link_config import LinkRole
 from moar_companion.settings.vehicle import VehicleFile
 
 _X500 = shipped_configs() / "vehicles" / "x500.yaml"
@@ -248,7 +249,7 @@ def test_on_a_bad_link_a_list_is_complete_and_each_value_set_once():
     """30 % of the packets are lost, 30 % come twice, all up to 0.3 s late and out of order."""
     chance = random.Random(3)
     station = Station()
-    services = ComponentServices([LINK, OTHER], 195)
+    services = ComponentServices(dict.fromkeys((LINK, OTHER), LinkRole.OPERATOR), 195)
     services._services = (station.server,)
     known, wanted, set_events = {}, dict.fromkeys(NAMES), []
     under_way = []

@@ -1,0 +1,198 @@
+"""Messages that the companion publishes, and their intervals on each link. No I/O.
+
+In: the contents, as functions of the time; intervals that ground stations set. Out: messages that
+are due. An interval is kept by link, as both autopilots do, and until the process ends.
+
+A message whose packet is longer than one cycle of a serial line is not repeated there, since a
+setpoint behind it would come a cycle late; on request it is sent once. Values to plot come twice a
+second, on a slow line once: 13 of them take 390 of the 5,760 B/s at 57,600 baud.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ...settings.link_config import LinkRole
+from ..dialect import Message, id_of, mavlink
+from .link_budget import OVERHEAD_BYTES, LinkBudget
+
+Content = Callable[[float], list[Message]]
+"""Messages of one kind now, by the time in seconds; none while nothing is known."""
+
+_SLOW_BYTES_PER_S = 4_000.0
+"""Budget below which a line counts as slow: that of 160,000 baud."""
+_LONGEST_S = 3_600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Published:
+    """One kind of message that is published."""
+
+    name: str
+    """Its name in MAVLink."""
+    about: str
+    period_s: float | None
+    """Default interval; None: on request only."""
+    slow_period_s: float | None = None
+    """Default interval on a slow line; None: as on others."""
+    shortest_s: float = 1.0
+    """Shortest interval that can be set."""
+    settable: bool = True
+    """False where the interval is fixed."""
+    to_autopilot: bool = True
+    """False where it is not repeated on a link to the autopilot, which would act on it."""
+    asked_of_all: bool = True
+    """False where a request to all components means the autopilot's own."""
+
+
+PUBLISHED: Mapping[str, Published] = {
+    row.name: row
+    for row in (
+        Published(
+            name="HEARTBEAT",
+            about="state of the companion: STANDBY, ACTIVE, CRITICAL or EMERGENCY; the mission "
+            "state's number as custom_mode",
+            period_s=1.0,
+            settable=False,
+            asked_of_all=False,
+        ),
+        Published(
+            name="NAMED_VALUE_FLOAT",
+            about="risk indices, weights, reserve, distances",
+            period_s=0.5,
+            slow_period_s=1.0,
+            shortest_s=0.5,
+        ),
+        Published(
+            name="NAMED_VALUE_INT",
+            about="mission state, target, condition",
+            period_s=0.5,
+            slow_period_s=1.0,
+            shortest_s=0.5,
+        ),
+        Published(
+            name="ONBOARD_COMPUTER_STATUS",
+            about="free memory and disk of the computer",
+            period_s=1.0,
+        ),
+        Published(
+            name="TRAJECTORY_REPRESENTATION_WAYPOINTS",
+            about="the next five corners of the path, in the autopilot's local NED frame; on "
+            "links of operators alone, since PX4 before v1.16 can be set to follow it",
+            period_s=1.0,
+            to_autopilot=False,
+        ),
+        Published(
+            name="AUTOPILOT_VERSION",
+            about="capabilities of the component, version of the program",
+            period_s=None,
+            asked_of_all=False,
+        ),
+        Published(
+            name="PROTOCOL_VERSION", about="MAVLink 2 alone is sent, both are read", period_s=None
+        ),
+        Published(
+            name="COMPONENT_METADATA",
+            about="place and checksum of the files that describe parameters and orders",
+            period_s=None,
+        ),
+        Published(
+            name="COMPONENT_INFORMATION",
+            about="the same for older ground stations",
+            period_s=None,
+        ),
+    )
+}
+"""All of them, by name."""
+
+_BY_ID = {id_of(name): row for name, row in PUBLISHED.items()}
+
+
+def published(message_id: int) -> Published | None:
+    """The row of a message; None if the companion does not publish it."""
+    return _BY_ID.get(message_id)
+
+
+class _Stream:
+    """One kind of message on one link: its interval, and what of it waits to be sent."""
+
+    def __init__(self, default_s: float | None, *, possible: bool) -> None:
+        self.default_s = default_s
+        self.interval_s = default_s
+        """None: switched off."""
+        self.possible = possible
+        """False where it is never repeated on this link."""
+        self.due_s = -math.inf
+        self.waiting: list[Message] = []
+
+    def begin(self, content: Content, now_s: float) -> None:
+        """Makes the messages of an interval that has ended; those left of the last are dropped."""
+        if self.interval_s is None or now_s < self.due_s:
+            return
+        late = now_s - self.due_s >= self.interval_s
+        self.due_s = (now_s if late else self.due_s) + self.interval_s
+        self.waiting = content(now_s)[::-1]
+
+
+def _stream(row: Published, role: LinkRole, budget: LinkBudget) -> _Stream:
+    size_bytes = mavlink.mavlink_map[id_of(row.name)].unpacker.size + OVERHEAD_BYTES
+    fits = size_bytes <= budget.largest_bytes
+    possible = fits and (row.to_autopilot or role is LinkRole.OPERATOR)
+    slow = budget.bytes_per_s < _SLOW_BYTES_PER_S and row.slow_period_s is not None
+    default_s = row.slow_period_s if slow else row.period_s
+    return _Stream(default_s if possible else None, possible=possible)
+
+
+class PublishedMessages:
+    """Contents of the published messages, and their streams on all links."""
+
+    def __init__(self, links: Mapping[str, LinkRole], budgets: Mapping[str, LinkBudget]) -> None:
+        self._contents: dict[str, Content] = {}
+        self._streams = {
+            (link, row.name): _stream(row, role, budgets[link])
+            for link, role in links.items()
+            for row in PUBLISHED.values()
+            if row.settable
+        }
+
+    def offer(self, name: str, content: Content) -> None:
+        """Takes the content of a message from now on."""
+        self._contents[name] = content
+
+    def messages(self, name: str, now_s: float) -> list[Message]:
+        """The messages of one kind now, for a request."""
+        content = self._contents.get(name)
+        return [] if content is None else content(now_s)
+
+    def interval_s(self, link: str, name: str) -> float | None:
+        """Interval of a message on a link; None: it is switched off."""
+        row = PUBLISHED[name]
+        return self._streams[link, name].interval_s if row.settable else row.period_s
+
+    def set_interval(self, link: str, name: str, interval_s: float | None) -> bool:
+        """Sets an interval, within its bounds; returns False where the message is never repeated.
+
+        interval_s: 0 for the default, None to switch it off.
+        """
+        stream = self._streams.get((link, name))
+        if stream is None or not stream.possible:
+            return False
+        if interval_s == 0.0:
+            interval_s = stream.default_s
+        elif interval_s is not None:
+            interval_s = min(max(interval_s, PUBLISHED[name].shortest_s), _LONGEST_S)
+        stream.interval_s, stream.due_s, stream.waiting = interval_s, -math.inf, []
+        return True
+
+    def next_due(self, link: str, now_s: float) -> Message | None:
+        """Next message that is due on a link; None: none is."""
+        for name, content in self._contents.items():
+            stream = self._streams.get((link, name))
+            if stream is None or not stream.possible:
+                continue
+            stream.begin(content, now_s)
+            if stream.waiting:
+                return stream.waiting.pop()
+        return None

@@ -1,0 +1,240 @@
+"""Commands about the companion's messages: requests, intervals, versions."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.mavlink.commands import DeniedCommand
+from moar_companion.mavlink.component.named_values import NAMED_VALUES
+from moar_companion.mavlink.component.published import PUBLISHED
+from moar_companion.mavlink.component.services import ComponentServices
+from moar_companion.mavlink.dialect import id_of, mavlink
+from moar_companion.settings.link_config import LinkRole
+
+from ..peer import Peer
+from ..story import types
+
+GET_INTERVAL, SET_INTERVAL, REQUEST = 510, 511, 512
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
+FLOAT, INT = id_of("NAMED_VALUE_FLOAT"), id_of("NAMED_VALUE_INT")
+COMPUTER, AHEAD = id_of("ONBOARD_COMPUTER_STATUS"), id_of("TRAJECTORY_REPRESENTATION_WAYPOINTS")
+VERSION, PROTOCOL = id_of("AUTOPILOT_VERSION"), id_of("PROTOCOL_VERSION")
+MESSAGE_INTERVAL = 244
+ALL = (1, 0)
+
+
+@pytest.fixture
+def met(story, autopilot):
+    story.meet(autopilot)
+    story.session.services.values.take({"RISK_WIND": 0.25, "TO_GO": 12.0, "M_STATE": 3})
+    return story
+
+
+def answered(story, data, *, link="network", seconds=0.3):
+    """What follows a packet: results of commands, and the other messages on its link."""
+    story.handle(data, link=link)
+    sent = [message for _, on, message in story.run(seconds) if on == link]
+    results = [message.result for message in sent if message.get_type() == "COMMAND_ACK"]
+    return results, [message for message in sent if message.get_type() != "COMMAND_ACK"]
+
+
+def asked(story, number, *parameters, **options):
+    results, messages = answered(story, Peer(255, 190).command(number, *parameters), **options)
+    streams = {"HEARTBEAT", "TIMESYNC", "NAMED_VALUE_FLOAT", "NAMED_VALUE_INT"}
+    return results, [message for message in messages if message.get_type() not in streams]
+
+
+# Requests
+
+
+def test_the_version_tells_the_capabilities_that_the_component_has(met):
+    results, (version,) = asked(met, REQUEST, VERSION)
+    assert results == [ACCEPTED]
+    assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    assert not version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    assert version.flight_sw_version >> 24 < 100
+    assert (version.uid, version.get_srcComponent()) == (0, 195)
+
+
+@pytest.mark.parametrize(("number", "message"), [(519, PROTOCOL), (520, VERSION)])
+def test_the_older_commands_request_the_same_messages(met, number, message):
+    results, (answer,) = asked(met, number, 1)
+    assert (results, answer.get_msgId()) == ([ACCEPTED], message)
+    assert asked(met, number, 0) == ([DENIED], [])
+
+
+def test_the_protocol_version_is_that_of_mavlink_2(met):
+    _, (version,) = asked(met, REQUEST, PROTOCOL)
+    assert (version.version, version.min_version, version.max_version) == (200, 100, 200)
+
+
+def test_the_metadata_of_the_component_is_named_on_request(met):
+    for name in ("COMPONENT_METADATA", "COMPONENT_INFORMATION"):
+        results, (message,) = asked(met, REQUEST, id_of(name))
+        assert (results, message.get_type()) == ([ACCEPTED], name)
+
+
+def test_values_to_plot_are_sent_at_once_on_request_where_they_are_switched_off(met):
+    asked(met, SET_INTERVAL, FLOAT, -1)
+    assert {on for _, on, m in met.run(2.0) if m.get_msgId() == FLOAT} == {"serial"}
+    _, messages = answered(met, Peer(255, 190).command(REQUEST, FLOAT))
+    assert [m.value for m in messages if m.get_msgId() == FLOAT] == [0.25, 12.0]
+
+
+def test_the_heartbeat_is_sent_on_request(met):
+    met.run(0.3)
+    _, messages = answered(met, Peer(255, 190).command(REQUEST, id_of("HEARTBEAT")))
+    assert types([(m,) for m in messages]).count("HEARTBEAT") == 1
+
+
+def test_what_is_not_known_yet_is_rejected_for_now(met):
+    assert asked(met, REQUEST, COMPUTER) == ([REJECTED], [])
+
+
+def test_a_message_that_is_not_published_is_unsupported(met):
+    for number in (REQUEST, SET_INTERVAL):
+        assert asked(met, number, id_of("ATTITUDE"), 100_000.0) == ([UNSUPPORTED], [])
+
+
+@pytest.mark.parametrize("number", [-1, 0.5, math.nan, math.inf, 1e30])
+@pytest.mark.parametrize("command", [GET_INTERVAL, SET_INTERVAL, REQUEST])
+def test_a_number_that_is_no_messages_is_denied(met, command, number):
+    assert asked(met, command, number) == ([DENIED], [])
+
+
+def test_of_requests_to_all_components_those_that_mean_the_autopilot_get_no_answer(met):
+    sender = Peer(255, 190)
+    for number, message in ((REQUEST, VERSION), (520, 1), (REQUEST, 30), (SET_INTERVAL, 30)):
+        results, messages = answered(met, sender.command(number, message, target=ALL))
+        assert results == []
+        assert "AUTOPILOT_VERSION" not in types([(m,) for m in messages])
+    assert answered(met, sender.command(519, 1, target=ALL))[0] == [ACCEPTED]
+
+
+def test_a_request_is_answered_in_both_forms_of_a_command_and_its_copy_is_not(met):
+    for data in (
+        Peer(255, 190).command(REQUEST, VERSION),
+        Peer(254, 190).command_int(REQUEST, VERSION),
+    ):
+        met.handle(data, link="network")
+        met.handle(data, link="network")
+    assert types(met.run(0.2)).count("COMMAND_ACK") == 2
+
+
+def test_a_flood_of_requests_gets_the_answers_of_a_sender_and_no_more(met):
+    sender = Peer(255, 190)
+    for _ in range(1000):
+        met.handle(sender.command(REQUEST, FLOAT), link="network")
+    sent = [m for _, on, m in met.run(1.0) if on == "network"]
+    assert types([(m,) for m in sent]).count("COMMAND_ACK") == 20
+    assert types([(m,) for m in sent]).count("NAMED_VALUE_FLOAT") <= 20 * 2 + 3 * 2
+
+
+# Intervals
+
+
+def rate_hz(story, name, link="network", seconds=10.0):
+    sent = [m for _, on, m in story.run(seconds) if on == link and m.get_type() == name]
+    return len(sent) / seconds
+
+
+def test_values_are_sent_twice_a_second_by_default(met):
+    assert rate_hz(met, "NAMED_VALUE_FLOAT") == pytest.approx(2 * 2, abs=0.3)
+    assert rate_hz(met, "NAMED_VALUE_INT") == pytest.approx(2 * 1, abs=0.2)
+
+
+def test_an_interval_holds_for_its_link_until_the_default_is_set_again(met):
+    assert asked(met, SET_INTERVAL, INT, 2e6)[0] == [ACCEPTED]
+    assert rate_hz(met, "NAMED_VALUE_INT") == pytest.approx(0.5, abs=0.1)
+    assert rate_hz(met, "NAMED_VALUE_INT", "serial") == pytest.approx(2.0, abs=0.2)
+    assert asked(met, SET_INTERVAL, INT, -1)[0] == [ACCEPTED]
+    assert rate_hz(met, "NAMED_VALUE_INT") == 0.0
+    assert asked(met, SET_INTERVAL, INT, 0)[0] == [ACCEPTED]
+    assert rate_hz(met, "NAMED_VALUE_INT") == pytest.approx(2.0, abs=0.2)
+
+
+def interval_us(story, message, number=GET_INTERVAL, **options):
+    parameters = (message,) if number == GET_INTERVAL else (MESSAGE_INTERVAL, message)
+    results, (answer,) = asked(story, number, *parameters, **options)
+    assert (results, answer.message_id) == ([ACCEPTED], message)
+    return answer.interval_us
+
+
+@pytest.mark.parametrize("number", [GET_INTERVAL, REQUEST])
+def test_the_interval_is_reported_as_it_is_sent(met, number):
+    assert interval_us(met, INT, number) == 500_000
+    asked(met, SET_INTERVAL, INT, 2e6)
+    assert interval_us(met, INT, number) == 2_000_000
+    asked(met, SET_INTERVAL, INT, 1.0)  # faster than the values are made
+    assert interval_us(met, INT, number) == 500_000
+    asked(met, SET_INTERVAL, INT, -1)
+    assert interval_us(met, INT, number) == -1
+    assert interval_us(met, VERSION, number) == -1
+    assert interval_us(met, id_of("ATTITUDE"), number) == 0
+
+
+@pytest.mark.parametrize("interval", [-2, -0.5, math.nan, -math.inf])
+def test_an_interval_that_is_none_is_denied(met, interval):
+    assert asked(met, SET_INTERVAL, INT, interval)[0] == [DENIED]
+    assert interval_us(met, INT) == 500_000
+
+
+def test_the_heartbeats_interval_is_fixed(met):
+    for interval in (-1, 0, 1e5, 1e7):
+        assert asked(met, SET_INTERVAL, id_of("HEARTBEAT"), interval)[0] == [DENIED]
+    assert interval_us(met, id_of("HEARTBEAT")) == 1_000_000
+
+
+def test_who_may_not_command_sets_no_interval_but_may_ask(met):
+    stranger = Peer(42, 1)
+    assert answered(met, stranger.command(SET_INTERVAL, INT, -1))[0] == [DENIED]
+    (denied,) = [event for event in met.events() if isinstance(event, DeniedCommand)]
+    assert "system 42 may not command" in denied.reason
+    assert answered(met, stranger.command(GET_INTERVAL, INT))[0] == [ACCEPTED]
+
+
+def test_the_path_ahead_is_never_repeated_on_a_link_to_the_autopilot(met):
+    assert asked(met, SET_INTERVAL, AHEAD, 1e6, link="serial")[0] == [DENIED]
+    assert asked(met, SET_INTERVAL, AHEAD, 1e6)[0] == [ACCEPTED]
+
+
+@pytest.mark.parametrize(("baud", "seconds"), [(57_600, None), (921_600, 1.0)])
+def test_a_message_that_delays_setpoints_is_not_repeated_on_a_slow_line(baud, seconds):
+    link = f"serial:/dev/ttyTHS1:{baud}"
+    messages = ComponentServices({link: LinkRole.OPERATOR}, 195).published
+    assert messages.set_interval(link, "ONBOARD_COMPUTER_STATUS", 0.0) == (seconds is not None)
+    assert messages.interval_s(link, "ONBOARD_COMPUTER_STATUS") == seconds
+    assert messages.interval_s(link, "NAMED_VALUE_FLOAT") == (0.5 if seconds else 1.0)
+
+
+# Commands of the autopilot
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [(176, "mode commands go to component 1"), (400, "arming commands go to component 1")],
+)
+def test_a_command_of_the_autopilot_is_denied_and_told_where_it_belongs(met, number, words):
+    assert answered(met, Peer(255, 190).command(number, 1))[0] == [DENIED]
+    (denied,) = [event for event in met.events() if isinstance(event, DeniedCommand)]
+    assert words in denied.reason
+
+
+def test_a_command_of_the_autopilot_to_it_or_to_all_is_none_of_ours(met):
+    for number in (176, 400):
+        for target in ((1, 1), ALL):
+            assert answered(met, Peer(255, 190).command(number, 1, target=target))[0] == []
+
+
+# The tables
+
+
+def test_each_value_has_a_name_that_mavlink_carries():
+    assert all(0 < len(name) <= 10 and name.isascii() for name in NAMED_VALUES)
+
+
+def test_each_published_message_exists():
+    assert all(id_of(name) >= 0 for name in PUBLISHED)
