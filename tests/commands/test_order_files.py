@@ -22,7 +22,16 @@ from moar_companion.settings.config import Authority, shipped_configs
 from moar_companion.types import Mission
 from tests.one_line import one_line
 
-from .answering import ACCEPTED, COMPANION, DENIED, Aircraft, acknowledgement, always, text
+from .answering import (
+    ACCEPTED,
+    COMPANION,
+    DENIED,
+    IN_PROGRESS,
+    Aircraft,
+    acknowledgement,
+    always,
+    text,
+)
 
 FILE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
 NAMES = ("splice 1", '"it\'s" \\n', "Größe ⚡ 😀", "{0} %s $x", "x" * 60, "7", "all&<b>")
@@ -440,3 +449,19 @@ def test_bad_input_is_one_line_and_writes_nothing(arguments, reported, tmp_path,
     words = [str(word).format(file=file, folder=tmp_path / "out") for word in arguments]
     assert reported in one_line(["site", "actions", *words], 2, capsys)
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_the_page_has_a_program_by_pymavlink_that_orders_and_shows_the_answer():
+    page = (shipped_configs() / "guides" / "ground_stations.md").read_text()
+    program = page.split("```python\n")[1].split("```")[0]
+    answers = [acknowledgement(IN_PROGRESS), text("MOAR: ready for inspection")]
+    with Aircraft(always(*answers, acknowledgement(ACCEPTED))) as aircraft:
+        source = program.replace("udpin:0.0.0.0:14550", aircraft.url).replace(
+            "system = ", "link.mav.heartbeat_send(6, 8, 0, 0, 4)\nsystem = "
+        )  # this aircraft answers the first packet
+        done = subprocess.run(
+            [sys.executable, "-c", source], capture_output=True, text=True, check=True, timeout=60
+        )
+    assert aircraft.commands[0].command == 31010
+    assert "MOAR: ready for inspection" in done.stdout
+    assert "result : 0" in done.stdout
