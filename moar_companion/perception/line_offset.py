@@ -6,7 +6,8 @@ place in the line's frame.
 
 State of a Kalman filter: the offset (x, z) in the plane, and the error of the attitude about the
 line, which turns everything that is seen about the sensor. Model: the estimate drifts by at most
-0.3 m/s; its jumps are known (`shift`).
+0.3 m/s; its jumps are known (`shift`). The error of the heading is taken off first
+(`line_heading`).
 
 Which sighting is of which wire is decided for a whole scan: the hypothesis with the most pairs that
 are jointly compatible (Neira, Tardos: "Data Association in Stochastic Mapping Using the Joint
@@ -27,6 +28,7 @@ import numpy.typing as npt
 
 from ..planner.site import PlanePoint
 from ..types import Vector
+from .line_heading import LineHeading
 from .perception_report import LineOffset
 from .scan_conductors import ConductorSighting
 
@@ -98,6 +100,12 @@ class LineTracker:
         """Number of scans that agreed so far, and their last offset; while it is unknown."""
         self._matched = 0
         self._contradicted_s: float | None = None
+        self._heading = LineHeading()
+
+    @property
+    def axis(self) -> FloatArray:
+        """Unit vector (3,), by the estimate, along which the next scan's wires are searched."""
+        return self._heading.axis
 
     @property
     def offset_m(self) -> PlanePoint:
@@ -105,14 +113,23 @@ class LineTracker:
         return float(self._mean[0]), float(self._mean[1])
 
     def placed(self, points_m: FloatArray, sensor_m: FloatArray) -> FloatArray:
-        """Points (n, 3) in the line's frame, without the attitude's error about the line.
+        """Points (n, 3) in the line's frame, without the errors of heading and attitude.
 
         sensor_m: (3,) or (n, 3); both as the estimate places them.
         """
         x_m, z_m, turn_rad = self._mean
-        beside = points_m - sensor_m
+        seen = points_m - sensor_m
+        beside = self._heading.turned_back(seen)
         turned = turn_rad * np.column_stack((beside[:, 2], np.zeros(len(beside)), -beside[:, 0]))
-        return np.asarray(points_m + np.array([x_m, 0.0, z_m]) + turned)
+        return np.asarray(points_m + np.array([x_m, 0.0, z_m]) + turned + (beside - seen))
+
+    def placed_sighting(
+        self, sighting: ConductorSighting, sensor_m: FloatArray
+    ) -> ConductorSighting:
+        """A sighting in the line's frame. sensor_m: (3,)."""
+        (point_m,) = self.placed(sighting.point_m[None], sensor_m)
+        (direction,) = self._heading.turned_back(sighting.direction[None])
+        return replace(sighting, point_m=point_m, direction=direction)
 
     @property
     def seen_s(self) -> float | None:
@@ -127,7 +144,10 @@ class LineTracker:
     def step(self, found: Sequence[ConductorSighting], sensor_m: FloatArray, time_s: float) -> None:
         """Takes the sightings of a scan. sensor_m: (3,), placed by the estimate as they are."""
         nearest = sorted(found, key=lambda each: each.range_m)[:_MOST_SIGHTINGS]
-        places = np.array([each.crossing_m() for each in nearest]).reshape(-1, 2)
+        few = self.is_known or len(self._wires_m) < _LEAST_PAIRS
+        shown = self._heading.shown_by(nearest, time_s, least=1 if few else _LEAST_PAIRS)
+        heading = self._heading if shown is None else shown
+        places = np.array([_crossing_m(each, sensor_m, heading) for each in nearest]).reshape(-1, 2)
         self._forget_by(time_s)
         mean, covariance = self._mean_at(time_s), self._covariance_at(time_s)
         best = self._matched_scan(places, places - sensor_m[[0, 2]], mean, covariance)
@@ -135,6 +155,9 @@ class LineTracker:
         if best is not None and self._agrees(best):
             self._mean, self._covariance = best.mean, best.covariance
             self._seen_s, self._matched = time_s, pairs
+        # Once the wires are known, others turn nothing.
+        by_line = best is not None or not self.is_known
+        self._heading = shown if shown is not None and by_line else self._heading.missed()
         if not self._should_see(sensor_m) or pairs >= min(_LEAST_PAIRS, len(places) - 1):
             self._contradicted_s = None
         elif self._contradicted_s is None:
@@ -198,6 +221,7 @@ class LineTracker:
             seen_s=self._seen_s,
             wires=self._matched if self.is_known else 0,
             contradicted_s=self._contradicted_s,
+            turned_rad=self._heading.turned_rad,
         )  # fmt: skip
 
     def _covariance_at(self, time_s: float) -> FloatArray:
@@ -234,6 +258,15 @@ class LineTracker:
             if elsewhere and other.squared - best.squared < _CLEARER:
                 return None
         return best
+
+
+def _crossing_m(
+    sighting: ConductorSighting, sensor_m: FloatArray, heading: LineHeading
+) -> PlanePoint:
+    """Crossing of the site's plane, as the estimate places it, without the heading's error."""
+    (beside,) = heading.turned_back((sighting.point_m - sensor_m)[None])
+    (direction,) = heading.turned_back(sighting.direction[None])
+    return replace(sighting, point_m=sensor_m + beside, direction=direction).crossing_m()
 
 
 def _unknown() -> FloatArray:

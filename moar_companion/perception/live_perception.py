@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -281,15 +280,13 @@ class LivePerception:
         self._scan_s = time_s
         self._returns = min(float(outside.sum()) / max(scan.beams, 1), 1.0)
         echoes, ring = narrow_echoes(points, sensors, scan.ring, scan.time_s)
-        found = sightings(echoes, ring, sensor, _ACROSS, self._random)
+        axis = self._line.axis if self._settings.fly_by_line else _ACROSS
+        found = sightings(echoes, ring, sensor, axis, self._random)
         if self._settings.fly_by_line:
             self._line.step(found, sensor, time_s)
         step = self._to_line()
         points = self._line.placed(points, sensors)
-        found = [
-            replace(each, point_m=self._line.placed(each.point_m[None], sensor)[0])
-            for each in found
-        ]
+        found = [self._line.placed_sighting(each, sensor) for each in found]
         rays = PlaneRays.of(points, sensor + step, _SCAN_SECTORS)
         known = {conductor.name for conductor in self._tracks.conductors}
         self._tracks.step(found, time_s, rays, scan.ring)

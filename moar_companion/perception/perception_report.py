@@ -52,6 +52,8 @@ class LineOffset:
     covariance_m2: of x, of x with z, of z. jumped_m: sum of the estimate's jumps that it includes.
     seen_s: time of the last scan whose wires gave it, None while nothing is known of it; wires:
     their number. contradicted_s: time since which scans contradict it; None: they do not.
+    turned_rad: angle, counterclockwise from above, by which the autopilot's heading turns what is
+    seen.
     """
 
     offset_m: PlanePoint = (0.0, 0.0)
@@ -60,6 +62,7 @@ class LineOffset:
     seen_s: float | None = None
     wires: int = 0
     contradicted_s: float | None = None
+    turned_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -86,6 +86,8 @@ class Rig:
         """Processor time of the last report that processed a scan."""
         self.poses_flow = True
         self.packets_flow = True
+        self.heading_error_rad = 0.0
+        """The estimated heading less the true one."""
         self.sensor_clock_s = 0.0
         """Sensor's clock minus the receiver's."""
         self._lidar = SimulatedLidar(scene, seed)
@@ -136,7 +138,8 @@ class Rig:
             self._reported_s["position"] += POSITION_S
         while self.poses_flow and self._reported_s["attitude"] <= self.time_s:
             time_s = self._reported_s["attitude"]
-            self.perception.note_attitude(time_s, *self.flight.angles_rad([time_s])[0])
+            roll, pitch, yaw = self.flight.angles_rad([time_s])[0]
+            self.perception.note_attitude(time_s, roll, pitch, yaw + self.heading_error_rad)
             self._reported_s["attitude"] += ATTITUDE_S
 
 

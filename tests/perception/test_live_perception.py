@@ -218,6 +218,19 @@ def test_a_jump_while_nothing_of_the_line_is_known_moves_nothing_for_good(at_the
     assert_hang(last(at_the_line, 3.0), *LINE, BESIDE)
 
 
+@pytest.mark.slow
+def test_by_the_line_a_heading_that_becomes_wrong_hides_and_moves_no_wire(at_the_line):
+    """Beside the plane, where a turn moves what is seen across it."""
+    at_the_line.flight = replace(HOVER, at_m=(0.0, 1.2, 12.0))
+    for degrees in range(2, 31, 2):
+        at_the_line.heading_error_rad = math.radians(degrees)
+        report = last(at_the_line, 0.4)
+        assert_hang(report, *LINE, BESIDE)
+    assert report.line.seen_s > at_the_line.time_s - 0.4
+    assert math.degrees(report.line.turned_rad) == pytest.approx(-30.0, abs=3.0)
+    assert math.hypot(*report.line.offset_m) < 0.15
+
+
 @pytest.mark.parametrize("boxes", [(), (WALL,)], ids=["sky", "a wall"])
 def test_a_conductor_is_kept_while_the_nose_points_along_it(boxes):
     rig = Rig(LidarScene(boxes=boxes, wires=(AHEAD,)), replace(HOVER, tilt_rad=0.03))
