@@ -5,9 +5,10 @@ out: QGroundControl asks for `//general.json.xz` when a URI has a slash after it
 
 A ground station has one open file, session 0, and the next that it opens closes the one before.
 PX4 has one session, too, and MAVSDK reads session 0 whatever number the server has given. A client
-whose reply was lost repeats its request, and a network doubles packets and delays them. Reading
-changes nothing, so that a repeat is answered again. A repeat that would open or close a file gets
-the reply of the first one.
+whose reply was lost repeats its request, MAVSDK with a new number, and a network doubles packets
+and exchanges their order. Reading changes nothing, so that a repeat is answered again. A repeat of
+what has opened or closed a file gets the reply of the first, and a request from before the open
+file neither closes nor replaces it.
 
 A burst ends after two seconds, since pymavlink gives up 3.7 s after its last request. It does not
 end with a packet shorter than was asked for, which pymavlink takes for the end of the file.
@@ -46,9 +47,8 @@ _IDLE_S = 30.0
 _MOST_CLIENTS = 8
 _MOST_READS = 8
 """Limit of the reads of a client that wait for room: pymavlink has five under way."""
-_MOST_REMEMBERED = 8
-_REPEAT_S = 5.0
-"""Greatest delay of a copy of a request over another link."""
+_LATE_S = 5.0
+"""Greatest delay of a request, or of its copy over another link."""
 _BURST_S = 2.0
 """Time after which a burst ends: the client asks for the next one."""
 _DOUBLED_S = 0.3
@@ -183,36 +183,46 @@ class _Burst:
 
 
 class _Client:
-    """A ground station: the file that it has open, what it reads, and its last requests."""
+    """A ground station: the file that it has open, and what it reads of it."""
 
-    __slots__ = ("_remembered", "burst", "name", "reads", "used_s")
+    __slots__ = ("_changed_s", "burst", "closed", "name", "opened", "reads", "used_s")
 
     def __init__(self, now_s: float) -> None:
         self.name: str | None = None
         """File that is open."""
+        self.opened: _Request | None = None
+        """Request that has opened the last file."""
+        self.closed: _Request | None = None
+        """Request that has closed a file last."""
         self.reads: deque[_Request] = deque(maxlen=_MOST_READS)
         self.burst: _Burst | None = None
         self.used_s = now_s
         """Time of the last request or packet of a file."""
-        self._remembered: dict[_Request, tuple[float, _Reply]] = {}
+        self._changed_s = now_s
 
-    def open(self, name: str | None) -> None:
-        """Opens a file, or none, in place of the one that is open."""
-        self.name, self.burst = name, None
+    def open(self, request: _Request, now_s: float) -> None:
+        """Opens the file of a request, in place of the one that is open."""
+        self.name, self.opened = request.path, request
+        self._end_reading(now_s)
+
+    def close(self, request: _Request, now_s: float) -> None:
+        """Closes the file that is open."""
+        self.name, self.closed = None, request
+        self._end_reading(now_s)
+
+    def _end_reading(self, now_s: float) -> None:
+        self.burst, self._changed_s = None, now_s
         self.reads.clear()
 
-    def remember(self, request: _Request, reply: _Reply, now_s: float) -> _Reply:
-        """Keeps the reply to a request that has opened or closed a file; returns it."""
-        self._remembered.pop(request, None)
-        if len(self._remembered) == _MOST_REMEMBERED:
-            del self._remembered[next(iter(self._remembered))]
-        self._remembered[request] = (now_s, reply)
-        return reply
+    def is_late(self, request: _Request, now_s: float) -> bool:
+        """Returns True for a request that was sent before the one that has opened the open file."""
+        if self.name is None or self.opened is None or now_s - self._changed_s > _LATE_S:
+            return False
+        return 0 < (self.opened.sequence - request.sequence & 0xFFFF) < 0x8000
 
-    def earlier_reply(self, request: _Request, now_s: float) -> _Reply | None:
-        """Reply to the same request before; None: there was none within 5 s."""
-        time_s, reply = self._remembered.get(request, (now_s, None))
-        return reply if now_s - time_s <= _REPEAT_S else None
+    def is_repeated(self, request: _Request, now_s: float) -> bool:
+        """Returns True for the request again that has closed a file last."""
+        return request == self.closed and now_s - self._changed_s <= _LATE_S
 
     def next_reply(self, file: bytes, most_bytes: int, now_s: float) -> _Reply | None:
         """Next packet of the open file with this content: of a read, then of a burst."""
@@ -317,13 +327,11 @@ class FileServer:
             client = self._new_client(sender, now_s)
             if client is None:
                 return _nak(request, FtpError.NO_SESSIONS_AVAILABLE)
-        earlier = client.earlier_reply(request, now_s)
-        if earlier is not None and client.name is not None:
-            # A copy from before another file was opened is late, and must not close that.
-            return earlier if client.name == request.path else None
-        client.open(request.path)
-        reply = _ack(request, len(file).to_bytes(4, "little"), session=0)
-        return client.remember(request, reply, now_s)
+        if client.is_late(request, now_s):
+            return None
+        if client.name is None or request != client.opened:
+            client.open(request, now_s)
+        return _ack(request, len(file).to_bytes(4, "little"), session=0)
 
     def _read(self, request: _Request, client: _Client | None, now_s: float) -> _Reply | None:
         """Notes a read or a burst, whose replies wait for room; returns the reason if it cannot."""
@@ -377,15 +385,16 @@ class FileServer:
 
 
 def _close(request: _Request, client: _Client | None, now_s: float) -> _Reply:
-    """Closes the client's file, its own alone: other ground stations go on reading theirs."""
-    earlier = None if client is None else client.earlier_reply(request, now_s)
-    if earlier is not None:
-        return earlier
-    is_open = client is not None and client.name is not None and request.session == 0
-    if request.opcode == Opcode.TERMINATE_SESSION and not is_open:
-        return _nak(request, FtpError.INVALID_SESSION)
-    reply = _ack(request)
+    """Closes the client's file, its own alone: other ground stations go on reading theirs.
+
+    A client resets its sessions when it starts, with any number: a reset counts even if it is late.
+    """
+    is_reset = request.opcode == Opcode.RESET_SESSIONS
     if client is None:
-        return reply
-    client.open(None)
-    return client.remember(request, reply, now_s)
+        return _ack(request) if is_reset else _nak(request, FtpError.INVALID_SESSION)
+    is_repeated = client.is_repeated(request, now_s)
+    if not is_repeated and not is_reset and (client.name is None or request.session != 0):
+        return _nak(request, FtpError.INVALID_SESSION)
+    if not is_repeated and (is_reset or not client.is_late(request, now_s)):
+        client.close(request, now_s)
+    return _ack(request)

@@ -182,6 +182,23 @@ def test_a_late_copy_of_an_end_does_not_close_the_next_file(client, opcode):
     assert client.one(READ, size=10).data == FILES["parameter.json.xz"][:10]
 
 
+def test_an_end_that_the_next_open_request_has_overtaken_does_not_close_that_file(client):
+    client.open(b"/general.json.xz")
+    client.open(b"/parameter.json.xz", sequence=3)
+    assert client.one(TERMINATE, sequence=2).opcode == ACK
+    assert client.one(READ, size=10, sequence=4).data == FILES["parameter.json.xz"][:10]
+    client.now_s += 5.1  # no packet is so late: the numbers are those of a new client
+    assert client.one(TERMINATE, sequence=2).opcode == ACK
+    assert client.one(READ, size=10, sequence=5).error == SESSION
+
+
+def test_a_client_that_ended_with_a_file_open_opens_another_after_a_reset(client):
+    client.open(b"/general.json.xz", sequence=40)
+    client.one(RESET, sequence=0)
+    client.open(b"/parameter.json.xz", sequence=1)
+    assert client.one(READ, size=10, sequence=2).data == FILES["parameter.json.xz"][:10]
+
+
 def test_a_client_that_starts_again_with_the_same_numbers_gets_its_file(client):
     for _ in range(3):
         client.sequence = 0
