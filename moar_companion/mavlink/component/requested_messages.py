@@ -120,7 +120,9 @@ def _set_interval(
 
 def _whole(value: float | None, greatest: int) -> int | None:
     """A parameter as a whole number from 0 on; None if it is none."""
-    return int(value) if value is not None and value in range(greatest + 1) else None
+    if value is None or not 0 <= value <= greatest:
+        return None
+    return int(value) if value == int(value) else None
 
 
 # Description of the component
