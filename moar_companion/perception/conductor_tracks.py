@@ -143,6 +143,31 @@ class ConductorTracks:
             for track in self._tracks
         ]
 
+    def join(self, until_s: float) -> None:
+        """Joins tracks of one wire after a gap: one last seen until a time, and one seen since.
+
+        The wire takes its first name again, at its newest place.
+        """
+        before = [track for track in self._tracks if track.seen_s <= until_s]
+        joined: list[_Track] = []
+        for track in self._tracks:
+            if track.seen_s <= until_s:
+                continue
+            first = min(before, key=lambda each: _apart_m(each, track), default=None)
+            if first is None or _apart_m(first, track) > GATE_M:
+                joined.append(track)
+                continue
+            before.remove(first)
+            joined.append(
+                replace(
+                    track,
+                    number=first.number or track.number,
+                    sightings=first.sightings + track.sightings,
+                    range_m=max(first.range_m, track.range_m),
+                )
+            )
+        self._tracks = [*before, *joined]
+
     @property
     def conductors(self) -> tuple[SeenConductor, ...]:
         """Confirmed conductors, in the order of their confirmation."""
@@ -200,6 +225,10 @@ def _begun(sighting: ConductorSighting, time_s: float) -> _Track:
         seen_s=time_s,
         range_m=sighting.range_m,
     )
+
+
+def _apart_m(one: _Track, other: _Track) -> float:
+    return math.hypot(one.x_m - other.x_m, one.z_m - other.z_m)
 
 
 def _slope(sighting: ConductorSighting) -> tuple[float, float]:

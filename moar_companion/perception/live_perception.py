@@ -186,6 +186,7 @@ class LivePerception:
                 back_m = -self._moved_m[0], 0.0, -self._moved_m[1]
                 self._tracks.shift(back_m, until_s=gap_from_s)
                 self._tracks.shift(step_m, after_s=gap_from_s)
+                self._tracks.join(until_s=gap_from_s)
                 self._occupancy.shift(step_m[0], step_m[2])
             self._matched_s, self._moved_m = matched_s, (0.0, 0.0)
         self._placed_m = x_m, z_m

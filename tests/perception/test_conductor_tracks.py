@@ -68,6 +68,38 @@ def test_a_name_stays_with_its_conductor():
     assert found == [("seen-1", 5), ("seen-2", -5), ("seen-3", 8)]
 
 
+def test_a_wire_that_is_seen_again_beside_its_place_takes_its_name_again():
+    """Its estimate had drifted by 1.5 m in a gap, in which nothing showed that."""
+    tracks = confirmed(sighting(5.0, 12.0), sighting(-5.0, 12.0), sighting(9.0, 12.0))
+    for number in range(50, 56):
+        tracks.step([sighting(6.5, 12.0), sighting(0.0, 12.0)], 0.1 * number, *NOTHING)
+    tracks.shift((-1.5, 0.0, 0.0), after_s=0.4)
+    tracks.join(until_s=0.4)
+    found = [(each.name, round(each.position_m[0], 1)) for each in tracks.conductors]
+    assert found == [("seen-1", 5.0), ("seen-2", -5.0), ("seen-3", 9.0), ("seen-5", -1.5)]
+    assert tracks.conductors[0].seen_s == 5.5
+    assert tracks.conductors[0].sightings == 11
+
+
+def test_two_wires_that_were_both_seen_before_a_gap_stay_two():
+    tracks = confirmed(sighting(5.0, 12.0), sighting(5.4, 12.0))
+    tracks.join(until_s=0.4)
+    assert len(tracks.conductors) == 2
+    tracks.join(until_s=0.0)
+    assert len(tracks.conductors) == 2
+
+
+def test_a_wire_that_was_not_confirmed_before_a_gap_keeps_its_name_after_it():
+    tracks = ConductorTracks()
+    tracks.step([sighting(5.0, 12.0)], 0.0, *NOTHING)
+    for number in range(1, 6):
+        tracks.step([sighting(5.8, 12.0)], 0.1 * number, *NOTHING)
+    tracks.shift((-0.8, 0.0, 0.0), after_s=0.0)
+    tracks.join(until_s=0.0)
+    (conductor,) = tracks.conductors
+    assert conductor.name == "seen-1"
+
+
 def test_sightings_at_another_place_are_another_conductor():
     assert len(confirmed(sighting(5.0, 12.0), sighting(5.8, 12.0)).conductors) == 2
 

@@ -207,6 +207,21 @@ def test_what_was_seen_in_the_gap_of_the_line_moves_with_the_offset(at_the_line)
 
 
 @pytest.mark.slow
+def test_after_a_gap_in_which_wires_were_seen_elsewhere_they_have_their_names(at_the_line):
+    """One wire of three shows no place: until more are seen it counts as another one."""
+    before = {each.name for each in last(at_the_line, 0.2).conductors}
+    at_the_line.packets_flow = False
+    drifting(at_the_line, 11.0, 1.5)
+    at_the_line.packets_flow = True
+    at_the_line.look_at(LidarScene(wires=(LINE[0], BESIDE)))
+    assert len(last(at_the_line, 1.0).conductors) == 6
+    at_the_line.look_at(LidarScene(wires=(*LINE, BESIDE)))
+    report = last(at_the_line, 1.0)
+    assert_hang(report, *LINE, BESIDE)
+    assert {each.name for each in report.conductors} == before
+
+
+@pytest.mark.slow
 def test_a_jump_while_nothing_of_the_line_is_known_moves_nothing_for_good(at_the_line):
     at_the_line.packets_flow = False
     list(at_the_line.run(11.0))
