@@ -58,8 +58,8 @@ second, which may be the smaller one.
 
 ## Orders
 
-Commands to component 195: [guide](guides/flight.md#orders). param2 of a mission is the number of
-the target or of the landing point, from 0; -1: all targets in turn, any landing point.
+Commands to component 195: [guide](guides/flight.md#orders). param2 of MAV_CMD_USER_1:
+{index}.
 
 {orders}
 
@@ -163,7 +163,7 @@ def _files(checkout: Path) -> Iterator[tuple[Path, str]]:
     configs = checkout / "configs"
     service = COMPANION_FILE.schema
     tables = {"service": table(service), "vehicle": table(VehicleFile), "site": table(SiteFile)}
-    tables |= {"orders": _orders(), "messages": _messages(), "topics": _topics()}
+    tables |= {**_orders(), "messages": _messages(), "topics": _topics()}
     tables |= {"parameters": _parameters(), **_flight_parameters()}
     tables |= {"published": _published(), "values": _values()}
     tables |= {"channels": _channels(), "texts": _texts(), **_conditions()}
@@ -203,18 +203,19 @@ def _table(head: str, rows: Iterable[str]) -> str:
     return "\n".join([f"| {head} |", "|---" * (head.count("|") + 1) + "|", *rows])
 
 
-def _orders() -> str:
-    from ..mavlink.commands import ORDERS  # noqa: PLC0415
+def _orders() -> dict[str, str]:
+    from ..mavlink.commands import INDEX_MEANING, ORDER_MEANINGS, ORDERS  # noqa: PLC0415
     from ..mavlink.dialect import mavlink  # noqa: PLC0415
 
     names = {number: item.name for number, item in mavlink.enums["MAV_CMD"].items()}
-    return _table(
-        "order | command | param1",
+    orders = _table(
+        "order | command | param1 | meaning",
         (
-            f"| {word} | {names[command]} ({command}) | {param1:g} |"
+            f"| {word} | {names[command]} ({command}) | {param1:g} | {ORDER_MEANINGS[word]} |"
             for word, (command, param1) in ORDERS.items()
         ),
     )
+    return {"orders": orders, "index": INDEX_MEANING}
 
 
 def _published() -> str:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..mavlink.commands import ORDERS
+from ..mavlink.commands import ORDER_MEANINGS, ORDERS
 from ..planner.site import Site
 from ..texts.text_format import coordinate
 from ..types import Mission
@@ -55,15 +55,12 @@ class SiteOrder:
 
 def orders_of(site: Site) -> tuple[SiteOrder, ...]:
     """Orders of a site, in the order of the buttons: those that stop first, the release last."""
-    return (
-        SiteOrder(word="hold", meaning="Stop, and hold here"),
-        SiteOrder(word="continue", meaning="Fly the rest of the held or interrupted mission"),
-        *_mission_orders(site),
-        SiteOrder(
-            word="release",
-            meaning="End the setpoint stream: the autopilot acts as after a companion failure",
-        ),
-    )
+    return (_order("hold"), _order("continue"), *_mission_orders(site), _order("release"))
+
+
+def _order(word: str) -> SiteOrder:
+    """An order without a place."""
+    return SiteOrder(word=word, meaning=ORDER_MEANINGS[word])
 
 
 def _mission_orders(site: Site) -> Iterator[SiteOrder]:

@@ -42,6 +42,21 @@ ORDERS: dict[str, tuple[int, float]] = {
     "continue": (_PAUSE, 1.0),
 }
 """Command and its param1, by the order's word; `service/mqtt/payloads` has the same words."""
+ORDER_MEANINGS = {
+    "hold": "Stop, and hold here",
+    "inspection": "Inspect the targets, and hold at the last",
+    "exit": "Fly to a landing point of the exit",
+    "evacuation": "Fly to a landing point of the evacuation",
+    "release": "End the setpoint stream: the autopilot acts as after a companion failure",
+    "pause": "Stop, and hold here",
+    "continue": "Fly the rest of the held or interrupted mission",
+}
+"""One line for operators, by the order's word."""
+INDEX_MEANING = (
+    "number of the target or of the landing point, from 0; -1: all targets in turn, any landing "
+    "point"
+)
+"""Param2 of MAV_CMD_USER_1."""
 
 MESSAGE_COMMANDS = frozenset(
     {

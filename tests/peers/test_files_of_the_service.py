@@ -8,11 +8,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hashlib
+import lzma
 
 import pytest
 from mavsdk import ComponentType, Configuration, log_subscribe
 from mavsdk.asyncio import Mavsdk
+from mavsdk.asyncio.plugins.component_metadata import ComponentMetadataAsync
 from mavsdk.asyncio.plugins.ftp import FtpAsync
+from mavsdk.plugins.component_metadata import MetadataType
 from mavsdk.plugins.ftp import FtpError, FtpResult
 from pymavlink import mavftp, mavutil
 
@@ -44,6 +47,7 @@ def digests(files):
 
 @pytest.mark.slow
 def test_mavsdk_and_pymavlink_download_the_files_of_the_service(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # MAVSDK keeps what it has downloaded
     with companion_beside_autopilot(tmp_path) as (mavsdk_port, pymavlink_port):
         assert digests(asyncio.run(downloaded_by_mavsdk(mavsdk_port, tmp_path))) == digests(FILES)
         monkeypatch.chdir(tmp_path)
@@ -65,7 +69,24 @@ async def downloaded_by_mavsdk(port, folder):
         with pytest.raises(FtpError) as refused:
             await ftp.remove_file("/general.json.xz")
         assert refused.value.args[0] == FtpResult.FILE_PROTECTED
+        assert await metadata(system) == lzma.decompress(FILES["parameter.json.xz"]).decode()
         return files
+
+
+async def metadata(system):
+    """The description of the parameters, as MAVSDK finds it by COMPONENT_METADATA."""
+    plugin = ComponentMetadataAsync(system)
+
+    async def available():
+        async with contextlib.aclosing(plugin.subscribe_metadata_available()) as updates:
+            async for update in updates:
+                if (update.compid, update.type) == (COMPONENT, MetadataType.PARAMETER):
+                    return update.json_metadata
+        raise AssertionError("the stream has ended")
+
+    waiting = asyncio.create_task(available())
+    await plugin.request_component(COMPONENT)
+    return await asyncio.wait_for(waiting, FOUND_WITHIN_S)
 
 
 def downloaded_by_pymavlink(port):

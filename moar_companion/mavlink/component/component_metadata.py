@@ -26,10 +26,10 @@ import lzma
 from collections.abc import Mapping
 from functools import cache
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 from ...settings.flight_parameters import NONE, FlightParameter, flight_parameters
-from ..commands import ORDERS
+from ..commands import INDEX_MEANING, ORDER_MEANINGS, ORDERS
 from ..dialect import Message, create, mavlink
 from ..translate_outgoing import milliseconds
 from .file_server import file_crc32
@@ -41,28 +41,6 @@ _VERSION = 1
 _CATEGORY = "Companion"
 _XZ_FILTERS = ({"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 1 << 16},)
 """A dictionary of 64 kB holds a whole file, and is all that a small decoder has to allocate."""
-
-
-class _CommandText(NamedTuple):
-    """Texts of a command. param2: its meaning; None: it has none."""
-
-    name: str
-    description: str
-    param2: str | None = None
-
-
-_COMMAND_TEXTS = {
-    int(mavlink.MAV_CMD_USER_1): _CommandText(
-        "Mission",
-        "Mission of the companion. It is acknowledged when its path is planned; then the pilot "
-        "selects OFFBOARD (PX4) or GUIDED (ArduPilot)",
-        "Number of the target or landing point, from 0; -1: all targets in turn, any landing point",
-    ),
-    int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE): _CommandText(
-        "Pause or continue", "Hold of the companion's mission, or its continuation"
-    ),
-}
-"""Texts by the command of an order."""
 
 
 @cache
@@ -175,19 +153,19 @@ def _commands(component_id: int) -> dict[str, Any]:
 
 def _command(number: int, component_id: int) -> dict[str, Any]:
     """A command with all its orders. component_id: the companion's."""
-    text = _COMMAND_TEXTS[number]
     orders = {word: param1 for word, (command, param1) in ORDERS.items() if command == number}
+    meanings = " ".join(f"{word}: {ORDER_MEANINGS[word]}." for word in orders)
     entry: dict[str, Any] = {
         "id": number,
         "rawName": mavlink.enums["MAV_CMD"][number].name,
-        "friendlyName": text.name,
-        "description": f"{text.description}. Send to component {component_id}.",
+        "friendlyName": f"Companion: {', '.join(orders)}",
+        "description": f"To component {component_id}. {meanings}",
         "param1": {
             "label": "Order",
             "enumStrings": ",".join(orders),
             "enumValues": ",".join(f"{value:g}" for value in orders.values()),
         },
     }
-    if text.param2 is not None:
-        entry["param2"] = {"label": text.param2, "default": -1, "decimalPlaces": 0}
+    if number == mavlink.MAV_CMD_USER_1:
+        entry["param2"] = {"label": INDEX_MEANING, "default": -1, "decimalPlaces": 0}
     return entry

@@ -12,7 +12,7 @@ import sys
 import jsonschema
 import pytest
 
-from moar_companion.mavlink.commands import ORDERS
+from moar_companion.mavlink.commands import ORDER_MEANINGS, ORDERS
 from moar_companion.mavlink.component.component_metadata import (
     component_information,
     component_metadata,
@@ -171,6 +171,7 @@ def test_every_order_is_in_the_commands_with_its_number(files):
         }
         assert mavlink.enums["MAV_CMD"][entry["id"]].name == entry["rawName"]
         assert "component 195" in entry["description"]
+        assert all(f"{word}: {ORDER_MEANINGS[word]}." in entry["description"] for word in words)
     assert read == ORDERS
 
 
