@@ -61,3 +61,13 @@ class SiteFrame:
             north_m * math.cos(azimuth) + east_m * math.sin(azimuth),
             north_m * math.sin(azimuth) - east_m * math.cos(azimuth),
         )
+
+    def bearing_rad(self, x_m: float, y_m: float) -> float:
+        """Direction from north of a displacement (x, y) in the site's frame."""
+        return math.radians(self.azimuth_deg) - math.atan2(y_m, x_m)
+
+    def moved(self, north_m: float, east_m: float, up_m: float) -> SiteFrame:
+        """The frame with its origin moved by a displacement in the world."""
+        northwards = SiteFrame(origin=self.origin, azimuth_deg=0.0)
+        origin = northwards.to_geodetic((north_m, -east_m, up_m))
+        return SiteFrame(origin=origin, azimuth_deg=self.azimuth_deg)

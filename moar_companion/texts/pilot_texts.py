@@ -270,10 +270,10 @@ FENCED = PilotText(
     remedy="take over, or change the fence",
 )
 FAR_OUTSIDE = PilotText(
-    pattern="{outside_m} m off workspace > {limit}",
+    pattern="{far_m} m {side} workspace > {most_m}",
     actions=_NO_ESCAPE,
-    meaning="the aircraft is farther outside than `guidance.recovery_m`",
-    remedy="fly it back to the workspace, and order again",
+    meaning="the aircraft is farther outside than `guidance.recovery_m`, on this side",
+    remedy="fly it back to the workspace, and order again; or correct the site's frame",
 )
 OUTSIDE = PilotText(
     pattern="{far_m} m off workspace: {way}",

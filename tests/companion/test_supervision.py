@@ -12,7 +12,7 @@ from moar_companion.settings.config import Supervision
 
 from ..copies import flown_once
 from ..mavlink.peer import Peer
-from .desk import ACCEPTED, EVACUATION, INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
+from .desk import ACCEPTED, DENIED, EVACUATION, INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
 from .scripted_autopilot import AUTO_HOLD, CRITICAL, OFFBOARD, POSCTL
 
 
@@ -243,12 +243,26 @@ def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
     assert desk.said("the aircraft has left its place")
 
 
-def test_too_far_from_the_plane_an_order_is_rejected():
-    desk = Desk()
-    desk.position_ned_m = (3.0, 0.0, -3.0)  # the plane runs east
-    desk.run(1.2).order(INSPECTION).run(0.5)
-    assert desk.answers() == [TEMPORARILY_REJECTED]
-    assert desk.said("3.0 m N of plane > 2, rejected")
+@pytest.mark.parametrize("kind", [mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA])
+@pytest.mark.parametrize(
+    ("north_m", "east_m", "up_m", "answer", "words"),
+    [
+        (22.3, 0.0, 3.0, TEMPORARILY_REJECTED, "22.3 m N of plane > 2, rejected"),
+        (-150.0, 0.0, 3.0, TEMPORARILY_REJECTED, "150 m S of plane > 2, rejected"),
+        (0.0, 103.0, 3.0, DENIED, "100 m E of workspace > 60, denied"),
+        (0.0, 0.0, 120.0, DENIED, "100 m above workspace > 60, denied"),
+    ],
+)
+def test_an_aircraft_that_is_not_where_the_site_says_is_not_flown(
+    kind, north_m, east_m, up_m, answer, words
+):
+    desk = Desk(autopilot=kind)
+    desk.position_ned_m = (north_m, east_m, -up_m)  # of the site's start; the plane runs east
+    desk.run(1.2).order(INSPECTION).run(1.0)
+    assert desk.answers()[-1] == answer
+    assert desk.said(words)
+    desk.send_heartbeat(desk.ours).run(1.0)
+    assert desk.setpoints() == []
 
 
 def test_an_aircraft_slightly_beside_the_plane_flies_from_there_into_the_plane():

@@ -54,6 +54,24 @@ def px4_projection(point, origin):
 # The site's plane -------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("azimuth_deg", [0.0, 37.0, 90.0, 271.0])
+@pytest.mark.parametrize("latitude_deg", [45.3781, -33.0, 69.0])
+def test_a_moved_frame_moves_every_place_by_the_same_displacement_in_the_world(
+    azimuth_deg, latitude_deg
+):
+    before = SiteFrame(origin=geodetic(latitude_deg, 179.99999, 210.0), azimuth_deg=azimuth_deg)
+    after = before.moved(3.0, 4.0, -1.5)
+    assert after.azimuth_deg == azimuth_deg
+    for place_m in ((0.0, 0.0, 0.0), (40.0, 0.0, 18.0)):
+        points = [earth_centred(frame.to_geodetic(place_m)) for frame in (before, after)]
+        assert math.dist(*points) == pytest.approx(math.hypot(3.0, 4.0, 1.5), abs=1e-3)
+    x_m, y_m = before.place_of(after.origin.latitude_deg, after.origin.longitude_deg)
+    assert math.hypot(x_m, y_m) == pytest.approx(5.0, abs=1e-4)
+    bearing_rad = before.bearing_rad(x_m, y_m)
+    assert math.cos(bearing_rad - math.atan2(4.0, 3.0)) == pytest.approx(1.0)
+    assert after.origin.altitude_amsl_m == 208.5
+
+
 @pytest.mark.parametrize(
     ("azimuth", "north", "east"),
     [(0.0, 1, 0), (90.0, 0, 1), (180.0, -1, 0), (270.0, 0, -1), (360.0, 1, 0), (45.0, 1, 1)],

@@ -323,16 +323,30 @@ def test_an_uploaded_fence_that_is_not_received_is_a_warning():
 def test_a_site_in_another_country_is_a_no_go():
     found = Look(latitude_deg=47.397742, longitude_deg=8.545594).findings()
     assert found["position"].level is NO_GO
-    assert "km from the site 315 kV double circuit" in found["position"].text
+    assert "km NE of the site 315 kV double circuit" in found["position"].text
     assert found["position"].text.startswith("5,8")
     assert "height" not in found
 
 
-@pytest.mark.parametrize("beside_m", [12.0, 400.0])
-def test_a_take_off_place_beside_the_plane_is_a_warning(beside_m):
-    finding = Look(at_m=(27.0, beside_m, 0.0)).findings()["position"]
+@pytest.mark.parametrize(
+    ("at_m", "words"),
+    [
+        ((27.0, 12.0, 0.0), " m N of plane > 2; hover in the plane"),
+        ((27.0, 400.0, 0.0), "400 m N of the workspace; beyond 60 m (guidance.recovery_m)"),
+        ((330.0, -0.1, 0.0), "300 m E of the workspace; beyond 60 m (guidance.recovery_m)"),
+        ((-80.0, -60.0, 0.0), "100 m SW of the workspace; beyond 60 m (guidance.recovery_m)"),
+    ],
+)
+def test_a_take_off_place_elsewhere_is_a_warning_with_distance_and_direction(at_m, words):
+    finding = Look(at_m=at_m).findings()["position"]
     assert finding.level is WARNING
-    assert "m N of plane > 2" in finding.text
+    assert words in finding.explanation
+
+
+def test_a_take_off_place_is_shown_with_its_side_of_the_plane():
+    finding = Look(at_m=(27.0, -1.5, 0.0)).findings()["position"]
+    assert finding.level is OK
+    assert finding.text.endswith(" m S of the plane")
 
 
 def test_a_take_off_place_kilometres_from_the_plane_is_another_site():

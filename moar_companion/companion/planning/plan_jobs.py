@@ -23,7 +23,7 @@ from ...planner.plan_values import Plan, PlanRequest, PlanStatus
 from ...planner.plane_fence import PlaneFence
 from ...planner.planner import Planner
 from ...planner.regions import obstacle_room_m
-from ...planner.site import PlanePoint
+from ...planner.site import PlanePoint, Site
 from ...settings.vehicle import Vehicle
 from ...texts import pilot_texts
 from ...texts.text_format import compass, distance, limit_text
@@ -38,6 +38,8 @@ _AWAY_M = 0.5
 """Distance of the sample points that show the direction away from an obstacle."""
 _FAR_M = 9_999.0
 """Greatest distance in a text."""
+_MOST_RECOVERY_M = 999.0
+"""Greatest `recovery_m` in a text."""
 _MOST_POCKETS = 8
 """Maximum number of tried pockets: free cells from which the goal cannot be reached."""
 
@@ -172,9 +174,9 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
     request = job.request
     try:
         start_m = (request.start_m[0], request.start_m[1])
-        far_m = planner.site.workspace.outside_m(start_m)
-        if far_m > planner.vehicle.guidance.recovery_m:
-            return PlanAnswer(job_id=job.job_id, plan=None, reason=too_far(far_m, planner.vehicle))
+        if planner.site.workspace.outside_m(start_m) > planner.vehicle.guidance.recovery_m:
+            reason = too_far(planner.site, planner.vehicle, start_m)
+            return PlanAnswer(job_id=job.job_id, plan=None, reason=reason)
         plan, escape_m = _plan_with_entry(planner, request, start_m)
     except InputError as error:
         reason = f"{error.problem} ({error})"
@@ -218,10 +220,38 @@ def _plan_with_entry(
     return plan or planner.solve(request), escape_m
 
 
-def too_far(outside_m: float, vehicle: Vehicle) -> str:
-    """Reason why no flight begins so far outside the workspace."""
-    limit = limit_text(vehicle.guidance.recovery_m)
-    return pilot_texts.FAR_OUTSIDE(outside_m=f"{outside_m:.0f}", limit=limit)
+def too_far(site: Site, vehicle: Vehicle, place_m: PlanePoint) -> str:
+    """Reason why no flight begins at a place so far outside the workspace; side by compass."""
+    workspace = site.workspace
+    ahead, behind = _compass_points(site)
+    sides = (f"{behind} of", f"{ahead} of", "above", "below")
+    _, side = _beyond(workspace.lower_m, workspace.upper_m, place_m, sides)
+    return pilot_texts.FAR_OUTSIDE(
+        far_m=f"{min(workspace.outside_m(place_m), _FAR_M):.0f}",
+        side=side,
+        most_m=limit_text(min(vehicle.guidance.recovery_m, _MOST_RECOVERY_M)),
+    )
+
+
+def _compass_points(site: Site) -> tuple[str, str]:
+    """Compass points towards +x and -x."""
+    azimuth_rad = math.radians(site.frame.azimuth_deg)
+    return compass(azimuth_rad), compass(azimuth_rad + math.pi)
+
+
+def _beyond(
+    lower_m: tuple[float, ...],
+    upper_m: tuple[float, ...],
+    place_m: PlanePoint,
+    words: tuple[str, ...],
+) -> tuple[float, str]:
+    """Greatest distance beyond an edge of a rectangle, and its word.
+
+    words: for a place before it along x, behind it, above it, below it.
+    """
+    (left_m, bottom_m), (right_m, top_m), (x_m, z_m) = lower_m, upper_m, place_m
+    beyond_m = (left_m - x_m, x_m - right_m, z_m - top_m, bottom_m - z_m)
+    return max(zip(beyond_m, words, strict=True))
 
 
 def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins: bool) -> str:
@@ -250,20 +280,14 @@ def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
     The direction is towards the workspace, or away from the nearest obstacle.
     """
     site, maps = planner.site, planner.maps
-    x_m, z_m = start_m
-    low_m, azimuth_rad = site.workspace.min_altitude_m, math.radians(site.frame.azimuth_deg)
-    ahead, behind = compass(azimuth_rad), compass(azimuth_rad + math.pi)
-    if low_m is not None and z_m < low_m:
-        return pilot_texts.LOW(low_m=distance(z_m), least_m=limit_text(low_m))
+    low_m, height_m = site.workspace.min_altitude_m, start_m[1]
+    ahead, behind = _compass_points(site)
+    if low_m is not None and height_m < low_m:
+        return pilot_texts.LOW(low_m=distance(height_m), least_m=limit_text(low_m))
     cell = maps.grid.cell_of(start_m)
     if cell is None:
-        (left_m, bottom_m), (right_m, top_m) = maps.grid.lower_m, maps.grid.upper_m
-        off_m, way = max(
-            (left_m - x_m, f"fly {ahead}"),
-            (x_m - right_m, f"fly {behind}"),
-            (z_m - top_m, "descend"),
-            (bottom_m - z_m, "climb"),
-        )
+        ways = (f"fly {ahead}", f"fly {behind}", "descend", "climb")
+        off_m, way = _beyond(maps.grid.lower_m, maps.grid.upper_m, start_m, ways)
         return pilot_texts.OUTSIDE(far_m=distance(min(off_m, _FAR_M)), way=way)
     if not maps.occupied[cell]:
         return None

@@ -16,6 +16,7 @@ from ...risk import RiskEstimate
 from ...settings.config import Supervision
 from ...settings.risk_model import RiskModel
 from ...settings.vehicle import Vehicle
+from ...texts.text_format import compass
 from ..estimation.landed_state import grounded
 from ..estimation.pose import Pose
 from ..safety.position_checks import ATTITUDE_TIMEOUT_S
@@ -93,7 +94,7 @@ def aircraft_findings(
         _firmware(received),
         *_state(received),
         *_rates(received, limits),
-        *(() if site is None else _place(received, site)),
+        *(() if site is None else _place(received, site, vehicle)),
         *batteries,
         *risk_findings(received.risk, received.causes, batteries),
         _drag(vehicle.risk),
@@ -250,7 +251,7 @@ def _rates(received: ReceivedData, limits: Supervision) -> Iterator[Finding]:
         yield Finding(level=level, subject=name, text=text, remedy=remedy)
 
 
-def _place(received: ReceivedData, site: Site) -> Iterator[Finding]:
+def _place(received: ReceivedData, site: Site, vehicle: Vehicle) -> Iterator[Finding]:
     pose, causes = received.pose, received.causes
     before = ("autopilot_link_lost", "position", "attitude", "origin")
     obstruction = next((causes[name] for name in before if name in causes), None)
@@ -263,28 +264,38 @@ def _place(received: ReceivedData, site: Site) -> Iterator[Finding]:
         )
     if pose is None:
         return
-    (x_m, y_m, z_m), space = pose.position_m, site.workspace
-    beside_m = max(space.lower_m[0] - x_m, x_m - space.upper_m[0], 0.0)
-    far_m = math.hypot(beside_m, y_m)
-    text = f"x {x_m:.1f}, z {z_m:.1f}, {abs(y_m):.1f} m from the plane"
+    x_m, y_m, z_m = pose.position_m
+    along_m = x_m - min(max(x_m, site.workspace.lower_m[0]), site.workspace.upper_m[0])
+    far_m = math.hypot(along_m, y_m)
+    side = compass(site.frame.bearing_rad(along_m, y_m))
+    not_ready_reason = causes.get("off_plane") or causes.get("not_hovering")
     if far_m > _FAR_M:
         yield Finding(
             level=Level.NO_GO,
             subject="position",
-            text=f"{_distance(far_m)} from the site {site.name}",
+            text=f"{_distance(far_m)} {side} of the site {site.name}",
             remedy="load the right site file, or correct frame.origin",
         )
         return
-    not_ready_reason = causes.get("off_plane") or causes.get("not_hovering")
-    if not_ready_reason is None:
-        yield Finding(level=Level.OK, subject="position", text=text)
-    else:
+    if far_m > vehicle.guidance.recovery_m:
+        yield Finding(
+            level=Level.WARNING,
+            subject="position",
+            text=f"{_distance(far_m)} {side} of the workspace",
+            remedy=f"beyond {vehicle.guidance.recovery_m:g} m (guidance.recovery_m) an order is "
+            "refused: fly nearer, or correct frame.origin",
+        )
+    elif not_ready_reason is not None:
         yield Finding(
             level=Level.WARNING,
             subject="position",
             text=not_ready_reason,
             remedy="hover in the plane before a mission is ordered; or correct the site's frame",
         )
+    else:
+        beside = compass(site.frame.bearing_rad(0.0, y_m))
+        text = f"x {x_m:.1f}, z {z_m:.1f}, {abs(y_m):.1f} m {beside} of the plane"
+        yield Finding(level=Level.OK, subject="position", text=text)
     if grounded(received.telemetry):
         yield _height(z_m, site)
 
