@@ -18,11 +18,12 @@ from .autopilots.profile import Profile
 from .dialect import Message, create, mavlink
 from .fence_download import FenceDownload
 from .identity import Autopilot
-from .message_rates import MessageRates, on_network, wanted_rates_hz
+from .message_rates import MessageRates, on_line, on_network, wanted_rates_hz
 from .outbox import Outbox
 from .parameters import ParameterRequests
 from .telemetry import FenceItem, Telemetry
 from .telemetry_receiver import TelemetryReceiver
+from .urls import line_bytes_per_s
 
 _TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
 _TIMESYNC_PERIOD_S = 0.125
@@ -213,12 +214,17 @@ class AutopilotRequests:
 
     def _start_rates(self, autopilot: Autopilot, now_s: float) -> None:
         self._link = autopilot.link
-        rates_hz = wanted_rates_hz(autopilot.kind) if self._rates_hz is None else self._rates_hz
+        known = profile(autopilot.kind)
+        wanted_hz = wanted_rates_hz(autopilot.kind) if self._rates_hz is None else self._rates_hz
+        line = line_bytes_per_s(autopilot.link)
+        if line is None:
+            rates_hz = on_network(wanted_hz, obstacles=self._obstacles)
+        else:
+            rates_hz = on_line(wanted_hz, known.line_share * line)
         self._rates.start(
-            rates_hz
-            if _on_serial_port(autopilot)
-            else on_network(rates_hz, obstacles=self._obstacles),
-            silent=not profile(autopilot.kind).streams_by_itself,
+            rates_hz,
+            silent=not known.streams_by_itself,
+            slow_line=line is not None and rates_hz != wanted_hz,
             now_s=now_s,
         )
 

@@ -47,9 +47,6 @@ _SERIAL_BUFFER_S = 0.25
 _MIN_SERIAL_BUFFER_BYTES = 1024
 _TCP_NOTSENT_LOWAT = 25
 """Linux constant; the socket module has it from Python 3.12 on."""
-_BITS_PER_BYTE = 10
-"""Bits of a byte on a serial line: start bit, eight data bits, stop bit."""
-
 _FAILURES = (OSError, ValueError, termios.error, asyncio.TimeoutError)
 """Failures to connect. pyserial raises ValueError for a baud rate that the device refuses, and
 termios.error for a device that fails while it is configured."""
@@ -287,15 +284,13 @@ class _TcpConnector:
 class _SerialConnection:
     """Open serial port; a full buffer drops its oldest packets, those without a deadline first."""
 
-    def __init__(self, port: Any, baud: int, on_bytes: OnBytes) -> None:
+    def __init__(self, port: Any, bytes_per_s: float, on_bytes: OnBytes) -> None:
         self._loop = asyncio.get_running_loop()
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self._port = port
         self._descriptor = port.fileno()
         self._on_bytes = on_bytes
-        self._limit_bytes = max(
-            _MIN_SERIAL_BUFFER_BYTES, int(baud / _BITS_PER_BYTE * _SERIAL_BUFFER_S)
-        )
+        self._limit_bytes = max(_MIN_SERIAL_BUFFER_BYTES, int(bytes_per_s * _SERIAL_BUFFER_S))
         self._begun = b""
         """Unwritten rest of the packet in transmission."""
         self._waiting: deque[tuple[float, bytes]] = deque()
@@ -382,4 +377,4 @@ async def _connect_serial(address: LinkAddress, on_bytes: OnBytes) -> _SerialCon
         exclusive=True,
     )
     os.set_blocking(port.fileno(), False)
-    return _SerialConnection(port, address.baud, on_bytes)
+    return _SerialConnection(port, address.bytes_per_s or 0.0, on_bytes)

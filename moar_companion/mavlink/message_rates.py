@@ -11,6 +11,12 @@ other readers of this link could miss them. A serial port has no other reader. O
 other sender received on the link may be another reader, behind a router. Then the companion lowers
 nothing, and restores the rates that it lowered. Senders that the autopilot forwards from another
 link cannot be distinguished, and count, too.
+
+A slow line is a serial port on which the wanted rates do not fit (`on_line`). There PX4 lowers the
+rates of all messages by one factor, also of those that it sends unrequested: at 57600 baud ATTITUDE
+at 100 Hz leaves 12 Hz for the position, and one report of the battery in 7 s. So the companion
+requests each wanted message there at its rate, also one that comes too often, and unread ones at
+0.1 Hz.
 """
 
 from __future__ import annotations
@@ -47,8 +53,7 @@ in eight then ends for a gap over the remaining 0.3 s. At 40 Hz it is one in 250
 def wanted_rates_hz(kind: AutopilotKind) -> Mapping[int, float]:
     """Returns the wanted rates of an autopilot by message id.
 
-    An autopilot's own rates where they suffice, so that a slow link carries no requests; without
-    messages that it denies. All of it fits a serial port at 57600 baud.
+    Without messages that it denies; on links of unknown rate and fast ones all of them.
     """
     own = {id_of(name): rate_hz for name, rate_hz in profile(kind).rates_hz.items()}
     return {**_COMMON_RATES_HZ, **own}
@@ -79,6 +84,50 @@ def on_network(rates_hz: Mapping[int, float], *, obstacles: bool = False) -> Map
     return wanted | ({mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE: _OBSTACLES_HZ} if obstacles else {})
 
 
+_LEAST_HZ: dict[int, float] = {
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 20.0,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 10.0,
+    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 2.0,
+    **dict.fromkeys(_MODE_IDS, 10.0),
+}
+"""Least rates on a slow line: the position for `supervision.position_timeout_s`, the mode so that
+a takeover shows within 0.1 s, motors twice in the second for which they count."""
+_LEAST_OF_OTHERS_HZ = 1.0
+"""Three times within the shortest age for which a risk counts them, 3 s."""
+_OTHER_BYTES_PER_S = 500.0
+"""Room for all else: TIMESYNC (PX4 at 10 Hz: 280 B/s), answers, texts, packets of other senders."""
+_FRAME_BYTES = 12
+
+
+def on_line(rates_hz: Mapping[int, float], bytes_per_s: float) -> Mapping[int, float]:
+    """Returns the wanted rates for a serial line on which the autopilot sends `bytes_per_s`.
+
+    If they do not fit, one factor lowers all of them, none below its least rate. The factor is the
+    greatest in steps of a tenth with which they fit; with none the least rates are wanted.
+    """
+    for tenths in range(10, -1, -1):
+        lowered = {
+            message_id: max(tenths / 10 * rate_hz, min(rate_hz, _least_hz(message_id)))
+            for message_id, rate_hz in rates_hz.items()
+        }
+        if _bytes_per_s(lowered) + _OTHER_BYTES_PER_S <= bytes_per_s:
+            break
+    return lowered
+
+
+def _least_hz(message_id: int) -> float:
+    return _LEAST_HZ.get(message_id, _LEAST_OF_OTHERS_HZ)
+
+
+def _bytes_per_s(rates_hz: Mapping[int, float]) -> float:
+    """Upper limit of the bytes a second of these messages, without trailing zeros cut."""
+    total_bytes_per_s = 0.0
+    for message_id, rate_hz in rates_hz.items():
+        payload_bytes: int = mavlink.mavlink_map[message_id].unpacker.size
+        total_bytes_per_s += rate_hz * (payload_bytes + _FRAME_BYTES)
+    return total_bytes_per_s
+
+
 _ENOUGH = 0.8
 """Sufficient share of the wanted rate: the autopilot's scheduler rounds, and a window cuts."""
 _MIN_WINDOW_S = 2.0
@@ -97,10 +146,14 @@ requests or answers one time in seven."""
 _DENIED_AGAIN_S = 60.0
 """Pause after a denial, which may have been for another sender or a copy of an earlier one."""
 
-_UNUSED_HZ = 1.0
+_TOO_MUCH = 1.5
+"""Multiple of the wanted rate that is lowered on a slow line; a window counts one message more."""
+
+_UNUSED_HZ, _UNUSED_ON_SLOW_LINE_HZ = 1.0, 0.1
 """Rate of an unread message, kept for recordings."""
-_UNUSED_MOST_HZ = 2.0
-"""Rate up to which an unread message needs no request."""
+_UNUSED_MOST = 2.0
+"""Multiple of this rate up to which an unread message needs no request."""
+_UNUSED_WINDOW_PERIODS = 3.0
 _UNUSED_WINDOW_S = 10.0
 """Window of an unread message: ten heartbeats of another reader, of which one survives 30 %
 loss."""
@@ -112,22 +165,27 @@ class _Stream:
     __slots__ = (
         "count",
         "denied",
+        "exact",
         "flowing",
-        "low",
         "rate_hz",
         "requested_s",
         "requests",
         "settled",
         "window_end_s",
         "window_s",
+        "wrong",
     )
 
-    def __init__(self, rate_hz: float, first_window_s: float, now_s: float) -> None:
+    def __init__(
+        self, rate_hz: float, first_window_s: float, now_s: float, *, exact: bool = False
+    ) -> None:
+        """exact: True if a higher rate than the wanted one is lowered."""
         self.rate_hz = rate_hz
+        self.exact = exact
         self.window_s = max(_MIN_WINDOW_S, _WINDOW_PERIODS / rate_hz)
         self.count = 0
         self.window_end_s = now_s + min(first_window_s, self.window_s)
-        self.low = first_window_s == 0.0
+        self.wrong = first_window_s == 0.0
         self.flowing = False
         self.requests = 0
         self.requested_s = -math.inf
@@ -135,15 +193,17 @@ class _Stream:
         self.denied = False
 
     def judge(self, now_s: float) -> None:
-        """Updates `low` and the state of requests at the end of a window."""
+        """Updates `wrong` and the state of requests at the end of a window."""
         if now_s < self.window_end_s:
             return
-        self.low = self.count < _ENOUGH * self.rate_hz * self.window_s
+        wanted = self.rate_hz * self.window_s
+        too_many = self.exact and self.count > _TOO_MUCH * wanted
+        self.wrong = self.count < _ENOUGH * wanted or too_many
         stopped = self.flowing and self.count == 0
         paused = now_s >= self.requested_s + (_DENIED_AGAIN_S if self.denied else _AGAIN_S)
         silent = self.count == 0 and self.requests > 0
         unanswered = self.requests == _MAX_REQUESTS and not self.settled
-        if not self.low or (stopped and not self.denied) or (paused and (silent or unanswered)):
+        if not self.wrong or (stopped and not self.denied) or (paused and (silent or unanswered)):
             self.requests = 0
             self.settled = self.denied = False
         self.flowing = self.count > 0
@@ -153,7 +213,7 @@ class _Stream:
     @property
     def needs_request(self) -> bool:
         """True while another request may help."""
-        return self.low and not (self.settled or self.denied) and self.requests < _MAX_REQUESTS
+        return self.wrong and not (self.settled or self.denied) and self.requests < _MAX_REQUESTS
 
 
 class _UnusedStream(_Stream):
@@ -161,30 +221,32 @@ class _UnusedStream(_Stream):
 
     __slots__ = ("received_hz", "restored")
 
-    def __init__(self, now_s: float) -> None:
-        super().__init__(_UNUSED_HZ, float("inf"), now_s)
-        self.window_s = _UNUSED_WINDOW_S
+    def __init__(self, rate_hz: float, now_s: float, *, alone: bool) -> None:
+        """alone: True if the companion is the link's only reader."""
+        super().__init__(rate_hz, float("inf"), now_s)
+        self.window_s = _MIN_WINDOW_S if alone else _UNUSED_WINDOW_S
         self.window_end_s = now_s + self.window_s
         self.received_hz = 0.0
         self.restored = False
 
     def judge(self, now_s: float) -> None:
-        """Updates `low` at the end of a window: True if the rate is not the wanted one."""
+        """Updates `wrong` at the end of a window."""
         if now_s < self.window_end_s:
             return
         received_hz = self.count / self.window_s
         if not self.lowering_requested:
             self.received_hz = received_hz
         if self.restored:
-            self.low = received_hz < _ENOUGH * self.rate_hz
+            self.wrong = received_hz < _ENOUGH * self.rate_hz
         else:
-            self.low = received_hz > _UNUSED_MOST_HZ
-        if self.requests and not self.low:
+            self.wrong = self.count > 1 and received_hz > _UNUSED_MOST * self.rate_hz
+        if self.requests and not self.wrong:
             # Success, although the answer was lost; a later change by another component stays.
             self.settled = True
         if self.requests == _MAX_REQUESTS and now_s >= self.requested_s + _AGAIN_S:
             self.requests = 0
         self.count = 0
+        self.window_s = max(_UNUSED_WINDOW_S, _UNUSED_WINDOW_PERIODS / self.rate_hz)
         self.window_end_s = now_s + self.window_s
 
     @property
@@ -195,7 +257,7 @@ class _UnusedStream(_Stream):
     def restore(self) -> None:
         """Restores the rate before lowering, if the message was lowered."""
         if self.lowering_requested and not self.restored:
-            self.restored = self.low = True
+            self.restored = self.wrong = True
             self.rate_hz = self.received_hz
             self.requests = 0
             self.settled = False
@@ -220,16 +282,23 @@ class MessageRates:
         self._streams: dict[int, _Stream] = {}
         self._unused: dict[tuple[str, int], _UnusedStream] = {}
         """Unread messages by link and message id."""
+        self._slow_line = False
         self._under_way = False
         self._asked: list[_Asked] = []
         """Requests whose answer may still come, the oldest first."""
         self._sent_s = -1.0
 
-    def start(self, rates_hz: Mapping[int, float], *, silent: bool, now_s: float) -> None:
-        """Starts after an autopilot is found or restarts; silent: it needs requests at once."""
-        first_window_s = 0.0 if silent else float("inf")
+    def start(
+        self, rates_hz: Mapping[int, float], *, silent: bool, now_s: float, slow_line: bool = False
+    ) -> None:
+        """Starts after an autopilot is found or restarts.
+
+        silent: it needs requests at once. slow_line: its line does not carry more than these rates.
+        """
+        first_window_s = 0.0 if silent or slow_line else float("inf")
+        self._slow_line = slow_line
         self._streams = {
-            message_id: _Stream(rate_hz, first_window_s, now_s)
+            message_id: _Stream(rate_hz, first_window_s, now_s, exact=slow_line)
             for message_id, rate_hz in rates_hz.items()
             if rate_hz > 0.0
         }
@@ -248,7 +317,9 @@ class MessageRates:
         """Counts an unread message of the autopilot on its link."""
         stream = self._unused.get((link, message_id))
         if stream is None:
-            stream = self._unused[link, message_id] = _UnusedStream(now_s)
+            rate_hz = _UNUSED_ON_SLOW_LINE_HZ if self._slow_line else _UNUSED_HZ
+            stream = _UnusedStream(rate_hz, now_s, alone=self._slow_line)
+            self._unused[link, message_id] = stream
         stream.count += 1
 
     def answered(self, result: int) -> None:
@@ -290,11 +361,11 @@ class MessageRates:
             return None
         self._under_way = False
         self._asked = [a for a in self._asked if now_s < a.sent_s + _ANSWER_MAX_AGE_S]
-        slow = [item for item in streams.items() if item[1].needs_request]
-        if not slow:
+        wrong = [item for item in streams.items() if item[1].needs_request]
+        if not wrong:
             return None
         # The least requested first, so that a lost answer delays no other.
-        message_id, stream = min(slow, key=lambda item: item[1].requests)
+        message_id, stream = min(wrong, key=lambda item: item[1].requests)
         stream.requests += 1
         stream.requested_s = now_s
         self._under_way = True

@@ -16,6 +16,8 @@ ALLOWED = (
 
 _MAX_BAUD = 20_000_000
 """Greatest baud rate: faster than any serial port."""
+_BITS_PER_BYTE = 10
+"""Bits of a byte on a serial line: start bit, eight data bits, stop bit."""
 
 
 class LinkKind(enum.Enum):
@@ -46,6 +48,11 @@ class LinkAddress:
     port: int = 0
     device: str = ""
     baud: int = 0
+
+    @property
+    def bytes_per_s(self) -> float | None:
+        """Rate of a serial line in each direction; None for all other links."""
+        return self.baud / _BITS_PER_BYTE if self.kind is LinkKind.SERIAL else None
 
     def __str__(self) -> str:
         if self.kind is LinkKind.SERIAL:
@@ -87,6 +94,17 @@ def parse_url(url: str, *, source: str = "--connect", key: str = "") -> LinkAddr
     if not _is_host(host):
         raise refuse("has a host that is neither a name nor an address")
     return LinkAddress(kind=kind, host=host or "0.0.0.0", port=int(number))  # noqa: S104 — as asked
+
+
+def line_bytes_per_s(link: str) -> float | None:
+    """Rate of the serial line with this URL; None for all other links.
+
+    Orders over MQTT have a link without a URL.
+    """
+    try:
+        return parse_url(link).bytes_per_s
+    except InputError:
+        return None
 
 
 def _is_host(host: str) -> bool:

@@ -118,19 +118,26 @@ class Schedule:
         self._sizes[kind.name] = kind.packer.size + _FRAME_BYTES
 
     def due(self, now_us: int, rate_bytes_per_s: float | None = None) -> list[str]:
-        """Return the names that are due, and plan their next time.
+        """Return the names that are due, and plan their next time, with all rates at their full.
 
         `rate_bytes_per_s`: capacity of the link; None: no limit.
         """
-        names = [name for name, at in self._due.items() if at <= now_us]
-        share = 1.0 if rate_bytes_per_s is None or not names else self._share(rate_bytes_per_s)
+        share = 1.0 if rate_bytes_per_s is None else self._share(rate_bytes_per_s)
+        names = [
+            name for name, at in self._due.items() if at + self._delay_us(name, share) <= now_us
+        ]
         for name in names:
-            interval_us = self.intervals[name]
-            if name != "HEARTBEAT":
-                interval_us = round(interval_us / share)
-            following = self._due[name] + max(interval_us, TICK_US)
+            following = self._due[name] + max(
+                self.intervals[name] + self._delay_us(name, share), TICK_US
+            )
             self._due[name] = following if following > now_us else now_us + TICK_US
         return names
+
+    def _delay_us(self, name: str, share: float) -> int:
+        """Return the addition to an interval with the present factor of the rates."""
+        if share == 1.0 or name == "HEARTBEAT":
+            return 0
+        return round(self.intervals[name] * (1.0 / share - 1.0))
 
     def _share(self, rate_bytes_per_s: float) -> float:
         """Return the factor by which PX4 lowers the rates, so that the link carries them."""

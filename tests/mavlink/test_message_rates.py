@@ -6,7 +6,7 @@ import pytest
 
 from moar_companion.mavlink import autopilots
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.message_rates import MessageRates, on_network, wanted_rates_hz
+from moar_companion.mavlink.message_rates import MessageRates, on_line, on_network, wanted_rates_hz
 from moar_companion.types import ARDUPILOT, PX4, UNKNOWN
 
 ATTITUDE = 30
@@ -19,8 +19,9 @@ DENIED = 2
 class Machine:
     """Requests, a clock in steps of 20 ms, and streams that flow at given rates."""
 
-    def __init__(self, rates_hz, *, silent):
+    def __init__(self, rates_hz, *, silent, slow_line=False):
         self.requests = MessageRates()
+        self.intervals_us = []
         self.now_s = 100.0
         self.flowing_hz = {}
         self.unused_hz = {}
@@ -30,7 +31,7 @@ class Machine:
         self.lost = []
         self._due_s = {}
         self._answers = []
-        self.requests.start(rates_hz, silent=silent, now_s=self.now_s)
+        self.requests.start(rates_hz, silent=silent, slow_line=slow_line, now_s=self.now_s)
 
     def run(self, duration_s, *, answer=ACCEPTED):
         """Requests made within a time as (time, id); answers go back after `delay_s`.
@@ -48,6 +49,7 @@ class Machine:
             request = self.requests.next_request(self.now_s, "serial", shared=self.shared)
             if request is not None:
                 made.append((round(self.now_s - 100.0, 2), request[0]))
+                self.intervals_us.append(request[1])
                 self._answer(request[0], answer)
             while self._answers and self._answers[0][0] <= self.now_s:
                 self.requests.answered(self._answers.pop(0)[1])
@@ -191,13 +193,65 @@ def test_streams_that_ardupilot_denies_are_not_requested():
     assert not {231, 230, 109, 111, 331, 253} & set(wanted_rates_hz(ARDUPILOT))
 
 
-@pytest.mark.parametrize("kind", [*autopilots.PROFILES, UNKNOWN])
-def test_all_requested_streams_fit_a_serial_link_of_57600_baud(kind):
-    bytes_per_s = sum(
+# Slow lines
+
+
+def bytes_per_s(rates_hz):
+    return sum(
         rate_hz * (mavlink.mavlink_map[message_id].unpacker.size + 12)
-        for message_id, rate_hz in wanted_rates_hz(kind).items()
+        for message_id, rate_hz in rates_hz.items()
     )
-    assert bytes_per_s < 5760
+
+
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, UNKNOWN])
+def test_the_rates_for_a_serial_line_fit_it_with_room_for_all_else(kind):
+    share, wanted_hz = autopilots.profile(kind).line_share, wanted_rates_hz(kind)
+    before_hz = dict.fromkeys(wanted_hz, 0.0)
+    for baud in (57600, 76800, 115200, 230400, 921600):
+        rates_hz = on_line(wanted_hz, share * baud / 10)
+        assert bytes_per_s(rates_hz) <= share * baud / 10 - 500
+        assert all(before_hz[key] <= rates_hz[key] <= wanted_hz[key] for key in wanted_hz)
+        before_hz = rates_hz
+    assert rates_hz == wanted_hz
+
+
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, UNKNOWN])
+@pytest.mark.parametrize("baud", [9600, 57600])
+def test_no_line_lowers_a_message_below_its_least_rate(kind, baud):
+    wanted_hz = wanted_rates_hz(kind)
+    rates_hz = on_line(wanted_hz, baud / 20)
+    mode_id = 0 if kind is ARDUPILOT else 436
+    least_hz = {POSITION: 20.0, ATTITUDE: 10.0, 36: 2.0, mode_id: 10.0}
+    for message_id, rate_hz in rates_hz.items():
+        assert rate_hz >= min(wanted_hz[message_id], least_hz.get(message_id, 1.0))
+    battery, gps = mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT
+    assert rates_hz[battery] >= 0.5
+    assert rates_hz[gps] >= 1.0
+
+
+def test_on_a_slow_line_a_stream_that_comes_too_often_is_requested_until_it_does_not():
+    machine = Machine({ATTITUDE: 10.0, POSITION: 20.0}, silent=False, slow_line=True)
+    machine.flowing_hz = {ATTITUDE: 100.0, POSITION: 20.0}
+    machine.lost = [ATTITUDE] * 4
+    asked = [message_id for _, message_id in machine.run(20.0)]
+    assert asked.count(ATTITUDE) == 5
+    machine.flowing_hz = {ATTITUDE: 10.0, POSITION: 20.0}
+    assert machine.run(60.0) == []
+
+
+def test_on_a_slow_line_all_streams_are_requested_at_once():
+    machine = Machine({ATTITUDE: 10.0, POSITION: 20.0}, silent=False, slow_line=True)
+    assert [message_id for _, message_id in machine.run(0.1)] == [ATTITUDE, POSITION]
+
+
+def test_on_a_slow_line_an_unread_stream_is_lowered_to_a_tenth_after_two_seconds():
+    machine = Machine({}, silent=False, slow_line=True)
+    machine.unused_hz = {QUATERNION: 5.0, PRESSURE: 0.1}
+    made = machine.run(3.0)
+    assert made == [(pytest.approx(2.0, abs=0.05), QUATERNION)]
+    assert machine.intervals_us == [10_000_000]
+    machine.unused_hz = {QUATERNION: 0.1, PRESSURE: 0.1}
+    assert machine.run(120.0) == []
 
 
 # Unused streams

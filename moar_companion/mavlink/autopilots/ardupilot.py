@@ -603,6 +603,7 @@ PROFILE = Profile(
     homeward_modes=frozenset({"RTL", "LAND", "BRAKE", "SMART_RTL", "AUTO_RTL", "AVOID_ADSB"}),
     follow_up_modes={},
     streams_by_itself=False,
+    line_share=0.8,
     rates_hz={
         "BATTERY_STATUS": 1.0,
         "EKF_STATUS_REPORT": 2.0,

@@ -513,6 +513,7 @@ PROFILE = Profile(
     homeward_modes=frozenset({"RTL", "LAND", "PRECLAND", "TERMINATION"}),
     follow_up_modes={"TAKEOFF": "HOLD"},
     streams_by_itself=True,
+    line_share=0.5,  # of MAV_1_RATE and MAV_2_RATE 0, their default
     rates_hz={
         "ODOMETRY": 5.0,
         "ESTIMATOR_STATUS": 1.0,

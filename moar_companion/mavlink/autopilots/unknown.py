@@ -29,6 +29,7 @@ PROFILE = Profile(
     homeward_modes=frozenset(),
     follow_up_modes={},
     streams_by_itself=True,
+    line_share=0.5,
     rates_hz={},
     integers_bytewise=False,
     rssi_max=254,  # the definition of RC_CHANNELS; 255 is unknown

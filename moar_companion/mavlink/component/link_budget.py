@@ -8,12 +8,9 @@ parameters 7 s.
 
 from __future__ import annotations
 
-from ...errors import InputError
 from ..dialect import Message, mavlink
-from ..urls import LinkKind, parse_url
+from ..urls import line_bytes_per_s
 
-_BITS_PER_BYTE = 10
-"""Bits of a byte on a serial line: start bit, eight data bits, stop bit."""
 _SHARE = 1 / 4
 _NETWORK_BYTES_PER_S = 20_000.0
 """Budget of UDP and TCP, whose rate is unknown: for eight peers some hundredths of a Wi-Fi link. A
@@ -29,15 +26,6 @@ _LARGEST_BYTES = 280
 """Largest MAVLink 2 packet without a signature is 267 bytes, a signed one 280."""
 _LEAST_LARGEST_BYTES = 100
 """Largest packet on the slowest lines: nothing shorter carries a parameter or a piece of a file."""
-
-
-def line_bytes_per_s(link: str) -> float | None:
-    """Bytes a second that a serial line carries, by its URL; None for all other links."""
-    try:
-        address = parse_url(link)
-    except InputError:  # orders over MQTT have a link without a URL
-        return None
-    return address.baud / _BITS_PER_BYTE if address.kind is LinkKind.SERIAL else None
 
 
 _PACKER = mavlink.MAVLink(None)
