@@ -10,12 +10,12 @@ from pathlib import Path
 from ..companion.error_margin import margin_of, sight_speed_mps
 from ..companion.preflight.findings import Finding, Level
 from ..errors import InputError, LinkError
-from ..mavlink.urls import LinkKind, parse_url
+from ..mavlink.urls import parse_url
 from ..planner.site import Site
 from ..service.directories import Directory, recorder_folder, state_folder, view_socket
 from ..service.perception_process import tried
 from ..settings.config import Authority, CompanionConfig
-from ..settings.link_config import KeySource
+from ..settings.link_config import KeySource, LinkRole
 from ..settings.mqtt_config import Mqtt, broker_address
 from ..settings.vehicle import Vehicle
 from .service import INSTALLED_CONFIG
@@ -24,6 +24,9 @@ _BY_ID = Path("/dev/serial/by-id")
 """Udev's names of serial devices by maker, product and serial number."""
 _NUMBERED = re.compile(r"/dev/tty(USB|ACM)\d+")
 """Names of serial devices by the order in which they were plugged in."""
+_SETPOINT_BYTES, _SIGNATURE_BYTES = 65, 13
+_OTHER_BYTES_PER_S = 1500.0
+"""All else that the service sends: heartbeat, clock exchange, risks, texts, lists, files."""
 _OWN_HOSTS = {"127.0.0.1", "::1", "localhost"}
 _LONGEST_SOCKET_PATH = 107
 """Longest path in Linux's sun_path, in bytes."""
@@ -56,7 +59,7 @@ def service_findings(
                 for link in config.links
             ),
         ),
-        *_numbered_devices(config),
+        *_serial_lines(config),
         _folder(
             "recorder",
             recorder_folder(config),
@@ -86,21 +89,32 @@ def service_findings(
     return found
 
 
-def _numbered_devices(config: CompanionConfig) -> Iterator[Finding]:
-    """Yields a warning for each serial link whose device may come back under another name."""
+def _serial_lines(config: CompanionConfig) -> Iterator[Finding]:
+    """Yields warnings on serial links: a name that may change, too low a baud rate."""
     for link in config.links:
         address = parse_url(link.url)
-        if address.kind is not LinkKind.SERIAL or not _NUMBERED.fullmatch(address.device):
+        if address.bytes_per_s is None:
             continue
         device = Path(address.device)
-        names = [name for name in sorted(_BY_ID.glob("*")) if name.resolve() == device]
-        better = f"serial:{names[0]}:{address.baud}" if names else f"a name of `ls -l {_BY_ID}`"
-        yield Finding(
-            level=Level.WARNING,
-            subject="links",
-            text=f"{device} may have another number after it is unplugged, or a restart",
-            remedy=f"use {better}",
-        )
+        if _NUMBERED.fullmatch(address.device):
+            names = [name for name in sorted(_BY_ID.glob("*")) if name.resolve() == device]
+            better = f"serial:{names[0]}:{address.baud}" if names else f"a name of `ls -l {_BY_ID}`"
+            yield Finding(
+                level=Level.WARNING,
+                subject="links",
+                text=f"{device} may have another number after it is unplugged, or a restart",
+                remedy=f"use {better}",
+            )
+        size = _SETPOINT_BYTES + (_SIGNATURE_BYTES if link.signed else 0)
+        setpoints = 0.0 if link.role is LinkRole.OPERATOR else size * config.setpoint_rate_hz
+        if setpoints + _OTHER_BYTES_PER_S > address.bytes_per_s:
+            yield Finding(
+                level=Level.WARNING,
+                subject="links",
+                text=f"{device} carries {address.bytes_per_s:.0f} B/s: setpoints take "
+                f"{setpoints:.0f}, all else up to {_OTHER_BYTES_PER_S:.0f}",
+                remedy="use a higher baud rate, on the autopilot's port, too",
+            )
 
 
 def _mqtt(settings: Mqtt) -> Finding:

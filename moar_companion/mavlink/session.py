@@ -119,7 +119,7 @@ class Session:
         self._peers = {name: Peers(name, role, makers[name]) for name, role in links.items()}
         self._system_id = system_id
         self._receiver = TelemetryReceiver()
-        self._outbox = Outbox(links)
+        self._outbox = Outbox(links, commands_motion)
         self._control = AutopilotControl(self._receiver, self._outbox)
         self.requests = AutopilotRequests(
             self._receiver, self._outbox, message_rates_hz, obstacles=obstacles
@@ -196,7 +196,7 @@ class Session:
         None before the first `tick`: a heartbeat is always sent first. Without `control` setpoints
         and mode requests are discarded.
         """
-        waiting = self._outbox.take()
+        waiting = self._outbox.take(self._now_s)
         return self._encoded(item for item in waiting if control or not commands_motion(item[1]))
 
     def peers(self, link: str) -> tuple[Address, ...]:
@@ -209,10 +209,15 @@ class Session:
 
     def control_to_send(self) -> list[tuple[str, bytes]]:
         """Returns the waiting packets that command motion: setpoints and mode requests."""
-        return self._encoded(self._outbox.take(commands_motion))
+        return self._encoded(self._outbox.take_control())
 
     def _encoded(self, messages: Iterable[tuple[str, Message]]) -> list[tuple[str, bytes]]:
-        return [(link, self._own_ids.encoded(item, self._codecs[link])) for link, item in messages]
+        packets = []
+        for link, message in messages:
+            packet = self._own_ids.encoded(message, self._codecs[link])
+            self._outbox.sent(link, len(packet), self._now_s)
+            packets.append((link, packet))
+        return packets
 
     # In
 

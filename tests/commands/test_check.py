@@ -102,6 +102,26 @@ def test_a_serial_device_whose_number_may_change_is_a_warning_with_its_lasting_n
     )
 
 
+@pytest.mark.parametrize(
+    ("link", "rate_hz", "warned"),
+    [
+        ("url: 'serial:/dev/ttyTHS1:57600'", 50, None),
+        ("url: 'serial:/dev/ttyTHS1:57600'", 100, "5760 B/s: setpoints take 6500, all else up"),
+        ("url: 'serial:/dev/ttyTHS1:38400'", 50, "3840 B/s: setpoints take 3250, all else up"),
+        ("url: 'serial:/dev/ttyS1:38400', role: operator}, {url: 'udp::14540'", 50, None),
+        ("url: 'serial:/dev/ttyTHS1:921600'", 100, None),
+        ("url: 'udp:127.0.0.1:14540'", 100, None),
+    ],
+)
+def test_a_line_too_slow_for_the_setpoints_is_a_warning(capsys, tmp_path, link, rate_hz, warned):
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\nsetpoint_rate_hz: {rate_hz}\nlinks: [{{{link}}}]\n")
+    assert check("--config", config) == 0
+    warnings = [line for line in capsys.readouterr().out.splitlines() if "  warning" in line]
+    assert len(warnings) == (warned is not None)
+    assert all(f"links: /dev/ttyTHS1 carries {warned}" in line for line in warnings)
+
+
 def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_udp_port):
     link = f"udp:127.0.0.1:{unused_udp_port}"
     config = tmp_path / "companion.yaml"
