@@ -336,16 +336,17 @@ def _conditions() -> dict[str, str]:
     from ..companion.safety.condition_types import Action  # noqa: PLC0415
     from ..companion.safety.conditions import CONDITIONS  # noqa: PLC0415
 
-    rows = ["| condition | starts when | action | acts after | clears | overridden by |"]
-    rows.append("|---|---|---|---|---|---|")
+    rows = ["| number | condition | starts when | action | acts after | clears | overridden by |"]
+    rows.append("|---|---|---|---|---|---|---|")
     texts = ["| condition | text |", "|---|---|"]
-    for row in CONDITIONS:
+    for number, row in enumerate(CONDITIONS, start=1):
         clears = "by a new order" if row.latched else _seconds("over for", row.over_s, "at once")
         if row.action is Action.RELEASE:
             clears = f"{row.rest.value} until a new order{' or `continue`' if row.passing else ''}"
         after = _seconds("", row.after_s, "at once")
+        action = row.action.name.lower()
         rows.append(
-            f"| `{row.name}` | {row.starts} | {row.action.name.lower()} | {after} | {clears} "
+            f"| {number} | `{row.name}` | {row.starts} | {action} | {after} | {clears} "
             f"| {row.override.value} |"
         )
         texts += [f"| `{row.name}` | `{text}` |" for text in row.examples]

@@ -12,7 +12,7 @@ from ..mavlink.autopilots import profile
 from ..mavlink.commands import CommandCancelled, DeniedCommand
 from ..mavlink.identity import AutopilotFound, AutopilotRestarted
 from ..mavlink.received_commands import Accepted
-from ..mavlink.session import Event, Severity, SystemStatus
+from ..mavlink.session import Event, Severity
 from ..mavlink.telemetry_receiver import ModeLeft
 from ..risk.receivers import trouble
 from ..settings.config import Authority
@@ -51,6 +51,7 @@ from .operator_commands import Refused, understood, words
 from .plan_requests import Awaited
 from .planning.plan_jobs import PlanAnswer
 from .planning.site_maps import SiteMaps
+from .published_state import publish, system_status
 from .safety.condition_types import Action
 from .safety.position_checks import widening_m
 
@@ -469,15 +470,15 @@ def _end_control(state: CycleState, now_s: float) -> None:
 
 
 def _emit(state: CycleState, now_s: float) -> None:
-    """Sends heartbeat and requests, each half second risk indices and weights."""
+    """Sends heartbeat and requests; each half second what is published, and records the status."""
     mission = state.status.state
-    active = SystemStatus.ACTIVE if mission in STREAMING else SystemStatus.STANDBY
-    state.session.tick(now_s, active, custom_mode=mission.number)
+    state.session.tick(now_s, system_status(state), custom_mode=mission.number)
     if now_s < state.report_due_s:
         return
     state.report_due_s = now_s + _REPORT_PERIOD_S
+    publish(state)
     offset_m = state.pose_tracker.offset_m
-    state.reports.report_values(
+    state.reports.record_status(
         mission, state.risk.indices, state.weights, state.pose, offset_m, now_s
     )
     state.reports.report_refusals(state.session.signing, now_s)

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ..mavlink.commands import Command, CommandResult, holds, result_words, stops
+from ..mavlink.component.path_mission import MissionRefused
 from ..mavlink.identity import AutopilotConflict
 from ..mavlink.own_ids import ComponentConflict
 from ..mavlink.peers import AutopilotElsewhere, PeerRefused
@@ -85,6 +86,10 @@ class Reports:
                 detail = f"port {port}, on {link}"
                 text = service_texts.AUTOPILOT_ELSEWHERE(host=host, detail=detail)
                 self.send_text(Severity.WARNING, text, now_s, action="ignored")
+            case MissionRefused(reason=reason, sender=sender):
+                self.send_text(
+                    Severity.WARNING, reason, now_s, action="denied", is_new=True, link=sender.link
+                )
             case ComponentConflict(component_id=component_id):
                 text = service_texts.TWO_COMPANIONS(id=component_id, detail="see component_id")
                 self.send_text(Severity.ERROR, text, now_s)
@@ -111,7 +116,7 @@ class Reports:
         for words in self._refusals.texts(refused, behind_s, now_s, ahead_s=signing.ahead_s):
             self.send_text(Severity.WARNING, words, now_s)
 
-    def report_values(
+    def record_status(
         self,
         state: MissionState,
         risk: RiskIndices,
@@ -120,21 +125,10 @@ class Reports:
         offset_m: PlanePoint,
         now_s: float,
     ) -> None:
-        """Sends risk indices and weights as NAMED_VALUE_FLOAT; records the status.
+        """Records mission state, risk indices, weights and pose.
 
         offset_m: of the line's frame, in which the pose is; recorded where there is one.
         """
-        self._session.services.values.take(
-            {
-                "RISK_WIND": risk.wind,
-                "RISK_COMM": risk.communication,
-                "RISK_LOC": risk.localization,
-                "RISK_BATT": risk.battery,
-                "K_SAFETY": weights.safety,
-                "K_TIME": weights.time,
-                "K_ENERGY": weights.energy,
-            }
-        )
         self.record(
             "status",
             now_s,

@@ -2,9 +2,9 @@
 
 PX4 sends LINK_NODE_STATUS, EVENT, CURRENT_EVENT_SEQUENCE, COMPONENT_METADATA and ESC_STATUS
 unrequested. Ground stations send COMMAND_CANCEL, and request PROTOCOL_VERSION, COMPONENT_METADATA
-or, before it, COMPONENT_INFORMATION. TIMESYNC has target fields. No dialect of pymavlink 2.4.50 has
-these definitions. Importing this module adds them to the dialect's `mavlink_map`; a definition of a
-later pymavlink with all these fields has precedence.
+or, before it, COMPONENT_INFORMATION. TIMESYNC has target fields, MISSION_COUNT an id of its plan.
+No dialect of pymavlink 2.4.50 has these definitions. Importing this module adds them to the
+dialect's `mavlink_map`; a definition of a later pymavlink with all these fields has precedence.
 
 Source: the message definitions of mavlink/mavlink (common.xml, development.xml); checked against
 recordings of PX4 v1.17 and v1.18.
@@ -74,6 +74,18 @@ _DEFINITIONS = (
             ("uint16_t", "rx_overflows", 0),
             ("uint8_t", "tx_buf", 0),
             ("uint8_t", "rx_buf", 0),
+        ),
+    ),
+    _Definition(
+        message_id=44,
+        name="MISSION_COUNT",
+        crc_extra=221,
+        fields=(
+            ("uint16_t", "count", 0),
+            ("uint8_t", "target_system", 0),
+            ("uint8_t", "target_component", 0),
+            ("uint8_t", "mission_type", 0),
+            ("uint32_t", "opaque_id", 0),
         ),
     ),
     _Definition(

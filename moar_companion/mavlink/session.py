@@ -32,6 +32,7 @@ from .commands import (
 )
 from .component.component_service import Asker
 from .component.parameter_server import ParameterRefused, ParameterSet
+from .component.path_mission import MissionRefused
 from .component.services import ComponentServices
 from .dialect import Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
@@ -78,6 +79,7 @@ Event = (
     | AutopilotElsewhere
     | ComponentConflict
     | CommandAnswered
+    | MissionRefused
     | ModeLeft
     | ParameterRefused
     | ParameterSet
@@ -355,8 +357,7 @@ class Session:
         self._send_requests(now_s)
         for link, message in self.services.due(now_s):
             self._outbox.send(link, message)
-        if self.services.parameters is not None:
-            self._events += self.services.parameters.events_received()
+        self._events += self.services.events_received()
 
     def _send_requests(self, now_s: float) -> None:
         """Queues the requests to the autopilot that are due; counts its packets."""

@@ -6,6 +6,8 @@ Sources: the message definitions, and measurements of PX4 v1.17/v1.18 and ArduCo
 from __future__ import annotations
 
 import enum
+import math
+from collections.abc import Sequence
 
 from ..types import Vector
 from .dialect import Message, create, mavlink
@@ -15,6 +17,11 @@ POSITION_VELOCITY_YAW = 0x9C0
 
 _MAX_FLOAT = 3.4028234663852886e38
 _NAME_LENGTH = 10
+_TRAJECTORY_POINTS = 5
+_UNUSED_8, _UNUSED_16, _UNUSED_32 = 0xFF, 0xFFFF, 0xFFFFFFFF
+_UNUSED_SIGNED_8, _UNUSED_SIGNED_16 = 0x7F, 0x7FFF
+"""Values of fields that are not known: the greatest of their types."""
+_MIB = 2**20
 
 
 class SystemStatus(enum.IntEnum):
@@ -24,6 +31,7 @@ class SystemStatus(enum.IntEnum):
     STANDBY = 3
     ACTIVE = 4
     CRITICAL = 5
+    EMERGENCY = 6
 
 
 def heartbeat_message(system_status: SystemStatus, custom_mode: int) -> Message:
@@ -109,6 +117,73 @@ def named_value_message(name: str, value: float, now_s: float, *, whole: bool = 
         name=name.encode("ascii"),
         value=int(value) if whole else value,
     )
+
+
+def trajectory_messages(points_ned_m: Sequence[Vector], now_s: float) -> list[Message]:
+    """TRAJECTORY_REPRESENTATION_WAYPOINTS: the first five points, in local NED; none without one.
+
+    Speeds, accelerations and headings are NaN: not told. command: no MAV_CMD.
+    """
+    if not points_ned_m:
+        return []
+    told = points_ned_m[:_TRAJECTORY_POINTS]
+    unused = _TRAJECTORY_POINTS - len(told)
+    axes = [[*axis, *[math.nan] * unused] for axis in zip(*told, strict=True)]
+    untold = [math.nan] * _TRAJECTORY_POINTS
+    return [
+        create(
+            "TRAJECTORY_REPRESENTATION_WAYPOINTS",
+            time_usec=int(now_s * 1e6),
+            valid_points=len(told),
+            **dict(zip(("pos_x", "pos_y", "pos_z"), axes, strict=True)),
+            **dict.fromkeys(("vel_x", "vel_y", "vel_z", "acc_x", "acc_y", "acc_z"), untold),
+            **dict.fromkeys(("pos_yaw", "vel_yaw"), untold),
+            command=[_UNUSED_16] * _TRAJECTORY_POINTS,
+        )
+    ]
+
+
+def computer_status_messages(
+    now_s: float,
+    *,
+    memory_bytes: tuple[float, float] | None,
+    disk_bytes: tuple[float, float] | None,
+) -> list[Message]:
+    """ONBOARD_COMPUTER_STATUS; none where nothing is known. What is not known is marked so.
+
+    memory_bytes, disk_bytes: those in use, and all; None where unknown.
+    """
+    if memory_bytes is None and disk_bytes is None:
+        return []
+    ram_mib, disk_mib = (
+        [_UNUSED_32] * 2 if pair is None else [min(int(part / _MIB), _UNUSED_32) for part in pair]
+        for pair in (memory_bytes, disk_bytes)
+    )
+    return [
+        create(
+            "ONBOARD_COMPUTER_STATUS",
+            time_usec=int(now_s * 1e6),
+            uptime=milliseconds(now_s),
+            type=0,
+            cpu_cores=[_UNUSED_8] * 8,
+            cpu_combined=[_UNUSED_8] * 10,
+            gpu_cores=[_UNUSED_8] * 4,
+            gpu_combined=[_UNUSED_8] * 10,
+            temperature_board=_UNUSED_SIGNED_8,
+            temperature_core=[_UNUSED_SIGNED_8] * 8,
+            fan_speed=[_UNUSED_SIGNED_16] * 4,
+            ram_usage=ram_mib[0],
+            ram_total=ram_mib[1],
+            storage_type=[_UNUSED_32] * 4,
+            storage_usage=[disk_mib[0], *[_UNUSED_32] * 3],
+            storage_total=[disk_mib[1], *[_UNUSED_32] * 3],
+            **dict.fromkeys(
+                ("link_type", "link_tx_rate", "link_rx_rate", "link_tx_max", "link_rx_max"),
+                [_UNUSED_32] * 6,
+            ),
+            status_flags=0,
+        )
+    ]
 
 
 def is_sendable(value: float) -> bool:

@@ -8,7 +8,12 @@ from moar_companion.mavlink import dialect
 from moar_companion.mavlink.codec import Codec, checksum
 from moar_companion.mavlink.dialect import create, mavlink
 
-EXTENSIONS = {("TIMESYNC", "target_system"), ("TIMESYNC", "target_component")}
+EXTENSIONS = {
+    ("TIMESYNC", "target_system"),
+    ("TIMESYNC", "target_component"),
+    ("MISSION_COUNT", "mission_type"),
+    ("MISSION_COUNT", "opaque_id"),
+}
 
 
 @pytest.mark.parametrize("definition", dialect._DEFINITIONS, ids=lambda d: d.name)
@@ -25,6 +30,7 @@ def test_the_check_byte_of_each_message_follows_from_its_name_and_fields(definit
     ("name", "size"),
     [
         ("LINK_NODE_STATUS", 36),
+        ("MISSION_COUNT", 9),
         ("COMMAND_CANCEL", 4),
         ("TIMESYNC", 18),
         ("ESC_STATUS", 57),

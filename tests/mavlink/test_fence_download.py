@@ -14,7 +14,7 @@ TARGET = {"target_system": 1, "target_component": 195}
 
 
 def count(number, mission_type=FENCE):
-    return create("MISSION_COUNT", **TARGET, count=number, mission_type=mission_type)
+    return create("MISSION_COUNT", **TARGET, count=number, mission_type=mission_type, opaque_id=0)
 
 
 def item(seq):

@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import pytest
 
 from moar_companion.service import host_monitor
-from moar_companion.service.host_monitor import HostMonitor, memory_available
+from moar_companion.service.host_monitor import HostMonitor, memory_bytes
 
 
 def test_the_memory_that_linux_calls_available():
     text = "MemTotal:        4030000 kB\nMemFree:          100000 kB\nMemAvailable:     250000 kB\n"
-    assert memory_available(text) == pytest.approx(256e6)
-    assert memory_available("MemTotal: 4030000 kB\n") is None
+    assert memory_bytes(text) == pytest.approx({"MemAvailable": 256e6, "MemTotal": 4126.72e6})
+    assert "MemAvailable" not in memory_bytes("MemTotal: 4030000 kB\n")
+    assert memory_bytes("") == {}
 
 
 def test_memory_and_disk_of_this_computer_are_reported(tmp_path):
@@ -48,7 +49,7 @@ def test_a_disk_that_does_not_answer_delays_no_caller_and_keeps_its_last_value(
             answers.wait(20)
         if word == 1e9:
             watch.close()
-        return SimpleNamespace(free=word)
+        return SimpleNamespace(free=word, total=4e9)
 
     monkeypatch.setattr(host_monitor.shutil, "disk_usage", usage)
     monkeypatch.setattr(host_monitor, "_PERIOD_S", 0.0)

@@ -352,10 +352,21 @@ class PathFollower:
             yaw_rad=self._yaw_rad,
         )
 
+    @property
+    def left_m(self) -> float:
+        """Distance along the path to its end."""
+        return max(0.0, self._reference.trajectory.length_m - self._reference.distance_m)
+
+    def corners_m(self, *, ahead: bool = False) -> tuple[Vector, ...]:
+        """Points at which the path begins, turns or ends, for displays.
+
+        ahead: those that the setpoint has not passed.
+        """
+        from_m = self._reference.distance_m if ahead else None
+        return tuple(vector(point) for point in self._reference.trajectory.corners_m(from_m))
+
     def progress(self, pose: Pose) -> PathSection:
         """Progress of the flight, for displays."""
-        reference = self._reference
-        left_m = reference.trajectory.length_m - reference.distance_m
         setpoint = self._setpoint()
         return PathSection(
             setpoint=SetpointEntry(
@@ -364,8 +375,8 @@ class PathFollower:
                 yaw_rad=setpoint.yaw_rad,
             ),
             error_m=self.error_m(pose),
-            left_m=max(0.0, left_m),
-            left_s=reference.trajectory.duration_s(reference.distance_m),
+            left_m=self.left_m,
+            left_s=self._reference.trajectory.duration_s(self._reference.distance_m),
         )
 
     def excursion(self, pose: Pose) -> str | None:

@@ -31,6 +31,8 @@ _SHARP_TURN_RAD = math.radians(150.0)
 _SHARP_TURN_MPS = 0.1
 _STRAIGHT_RAD = 1e-6
 _SAME_POINT_M = 1e-6
+_COLLINEAR = 1e-6
+"""Greatest loss of the cosine between two moves on one straight."""
 _SLOWEST_MPS = 1e-3
 """Lower bound of the mean speed in durations: a lower speed lasts only an instant."""
 
@@ -99,6 +101,25 @@ class Trajectory:
         first, second = float(self.speed_mps[before]), float(self.speed_mps[after])
         speed = math.sqrt(first * first + part * (second * second - first * first))
         return position, direction / norm if norm > _SAME_POINT_M else direction, speed
+
+    def corners_m(self, from_m: float | None = None) -> FloatArray:
+        """Points (k, d) at which the path begins, turns or ends; those after a distance, if given.
+
+        The first point counts as the beginning, so that it is ahead nowhere.
+        """
+        points = self.points_m
+        step = np.diff(points, axis=0)
+        length = np.linalg.norm(step, axis=1)
+        moves = length > _SAME_POINT_M
+        kept = np.concatenate([[True], moves])
+        points, corner = points[kept], self.corner_m[kept]
+        direction = step[moves] / length[moves, None]
+        turns = (direction[:-1] * direction[1:]).sum(axis=1) < 1.0 - _COLLINEAR
+        found = np.concatenate([[True], turns, [True]])[: len(points)]
+        if from_m is not None:
+            found &= corner > from_m
+        corners: FloatArray = points[found]
+        return corners
 
     def duration_s(self, from_m: float) -> float:
         """Time for the rest of the path from a distance on, at the greatest speed."""

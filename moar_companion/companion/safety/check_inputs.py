@@ -20,9 +20,10 @@ the longest interval of a battery's reports."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Host:
-    """Free resources of the computer, in bytes; None where unknown or not required.
+    """Resources of the computer, in bytes; None where unknown or not required.
 
-    read_late_s: maximum wait of received data for reading in the last second.
+    disk_total, memory_total: with what is in use. read_late_s: maximum wait of received data for
+    reading in the last second.
     file_faults: faults of the files that the service writes.
     """
 
@@ -30,6 +31,8 @@ class Host:
     memory_available: float | None = None
     read_late_s: float = 0.0
     file_faults: tuple[FileFault, ...] = ()
+    disk_total: float | None = None
+    memory_total: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

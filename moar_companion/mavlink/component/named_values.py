@@ -37,27 +37,25 @@ NAMED_VALUES: Mapping[str, NamedValue] = {
             unit="s",
             about="flight time left after the better escape route is flown",
         ),
-        NamedValue(
-            name="CLEARANCE", unit="m", about="from the hull to the nearest obstacle's keep-out"
-        ),
+        NamedValue(name="CLEARANCE", unit="m", about="from the hull to the nearest obstacle"),
         NamedValue(name="TO_GO", unit="m", about="along the path to its end, landing leg included"),
         NamedValue(
             name="M_STATE",
             unit="",
-            about="mission state, as custom_mode of the heartbeat",
+            about="mission state as custom_mode of the heartbeat: 0 idle, 1 planning, 2 ready, "
+            "3 flying, 4 at target, 5 landing leg, 6 holding, 7 overridden, 8 released",
             whole=True,
         ),
         NamedValue(
             name="M_TARGET",
             unit="",
-            about="number of the target that is flown to, from 0; of a landing point where one is "
-            "ordered",
+            about="number of the target that is flown to, from 0, as param2 of its order",
             whole=True,
         ),
         NamedValue(
             name="CONDITION",
             unit="",
-            about="number of the gravest condition that acts, by the table of conditions; 0: none",
+            about="number of the gravest condition that acts (see Conditions); 0: none",
             whole=True,
         ),
     )

@@ -23,7 +23,8 @@ from .component_service import Asker, ComponentService
 from .file_server import FileServer
 from .link_budget import LinkBudget
 from .named_values import NamedValues
-from .parameter_server import ParameterServer
+from .parameter_server import ParameterRefused, ParameterServer, ParameterSet
+from .path_mission import MissionRefused, PathMission
 from .published import PublishedMessages
 from .requested_messages import (
     CLOCK_IDS,
@@ -49,7 +50,9 @@ class ComponentServices:
     returns the kind of the autopilot; None while it is unknown.
     """
 
-    MESSAGE_IDS: frozenset[int] = CLOCK_IDS | FileServer.MESSAGE_IDS | ParameterServer.MESSAGE_IDS
+    MESSAGE_IDS: frozenset[int] = CLOCK_IDS.union(
+        *(service.MESSAGE_IDS for service in (FileServer, ParameterServer, PathMission))
+    )
     """Messages that a service reads."""
 
     def __init__(
@@ -59,7 +62,10 @@ class ComponentServices:
         parameters: FlightParameters | None = None,
         autopilot: Callable[[], AutopilotKind | None] = lambda: None,
     ) -> None:
-        self._services: tuple[ComponentService, ...] = (FileServer(metadata_files(component_id)),)
+        self.path = PathMission()
+        """The planned path, for a download."""
+        files = FileServer(metadata_files(component_id))
+        self._services: tuple[ComponentService, ...] = (self.path, files)
         self.parameters: ParameterServer | None = None
         """The present settings; None without parameters."""
         if parameters is not None:
@@ -105,6 +111,11 @@ class ComponentServices:
             if message.get_msgId() in service.MESSAGE_IDS:
                 waiting.extend(service.handle(message, asker, now_s))
         return None
+
+    def events_received(self) -> list[MissionRefused | ParameterRefused | ParameterSet]:
+        """Returns what ground stations have set, and what was refused, since the last call."""
+        set_now = [] if self.parameters is None else self.parameters.events_received()
+        return [*set_now, *self.path.events_received()]
 
     def carry_out(self, command: MessageCommand, now_s: float) -> CommandResult | None:
         """Carries out a command about messages; returns its result, None where it gets no answer.
