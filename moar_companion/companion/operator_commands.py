@@ -19,6 +19,9 @@ _READING_S = 1.0
 """Maximum wait of an order, after the start, for the autopilot, which sends a heartbeat each
 second; then the same wait for its parameters. Over UDP they are read within 0.3 s."""
 
+_WAITING, _PLANNING = 0, 50
+"""Progress of an order in percent: it waits for planner and parameters; its path is searched."""
+
 _RESULTS = {
     Verdict.ACCEPTED: CommandResult.ACCEPTED,
     Verdict.TEMPORARILY_REJECTED: CommandResult.TEMPORARILY_REJECTED,
@@ -148,9 +151,11 @@ class OperatorCommands:
         )
 
     def report_progress(self, now_s: float) -> None:
-        """Answers IN_PROGRESS once to each order that has waited for long."""
-        for command in self._session.commands.without_answer(now_s):
-            self._session.answer(command, CommandResult.IN_PROGRESS, now_s)
+        """Answers IN_PROGRESS to each order without an answer, with its part of the way."""
+        commands = self._session.commands
+        for command in commands.without_answer(now_s):
+            progress = _PLANNING if commands.is_executed(command.number) else _WAITING
+            self._session.answer(command, CommandResult.IN_PROGRESS, now_s, progress=progress)
 
 
 def words(order: Task | Order | Refused) -> str:

@@ -86,7 +86,9 @@ _DECISION_TIMEOUT_S = 10.0
 _MAX_REMEMBERED = 64
 _PROGRESS_UNKNOWN = 255
 _IN_PROGRESS_AFTER_S = 0.2
-"""Time of execution without an answer after which it is answered IN_PROGRESS."""
+"""Time without an answer after which a command is answered IN_PROGRESS."""
+_IN_PROGRESS_PERIOD_S = 1.0
+"""Period of these answers: each restarts the time-out of a ground station, 1 s or more."""
 _COMMAND_CANCEL = 80
 
 Accepted = MissionCommand | PauseContinue
@@ -109,7 +111,7 @@ class _Received:
         "answered_s",
         "command",
         "executed_s",
-        "progress_sent",
+        "progress_due_s",
         "received_s",
         "sequence",
     )
@@ -121,7 +123,7 @@ class _Received:
         self.received_s = self.answered_s = now_s
         self.executed_s: float | None = None
         """Time when its execution began; None while it waits."""
-        self.progress_sent = False
+        self.progress_due_s = now_s + _IN_PROGRESS_AFTER_S
 
     @property
     def open(self) -> bool:
@@ -289,7 +291,9 @@ class ReceivedCommands:
 
     def note_executed(self, command: Command, now_s: float) -> None:
         """Notes that the execution of a waiting command begins."""
-        self._open[command.number].executed_s = now_s
+        received = self._open[command.number]
+        received.executed_s = now_s
+        received.progress_due_s = max(received.progress_due_s, now_s + _IN_PROGRESS_AFTER_S)
 
     def open(self, number: int) -> Command | None:
         """Command of this number; None after its final answer."""
@@ -297,14 +301,15 @@ class ReceivedCommands:
         return None if received is None else received.command
 
     def without_answer(self, now_s: float) -> list[Command]:
-        """Commands to be answered IN_PROGRESS now, once each."""
+        """Commands to be answered IN_PROGRESS now: after 0.2 s without an answer, then each 1 s."""
         return [
-            received.command
-            for received in self._open.values()
-            if not received.progress_sent
-            and received.executed_s is not None
-            and now_s - received.executed_s > _IN_PROGRESS_AFTER_S
+            received.command for received in self._open.values() if now_s > received.progress_due_s
         ]
+
+    def is_executed(self, number: int) -> bool:
+        """Returns True if the execution of an open command has begun."""
+        received = self._open.get(number)
+        return received is not None and received.executed_s is not None
 
     def answer(
         self,
@@ -326,7 +331,7 @@ class ReceivedCommands:
         received.answer = answer_to(command, result, progress=progress, result_param2=result_param2)
         received.answered_s = now_s
         if received.open:
-            received.progress_sent = True
+            received.progress_due_s = now_s + _IN_PROGRESS_PERIOD_S
         else:
             del self._open[command.number]
         return received.answer if received is self._latest(_key(command)[:3]) else None

@@ -62,8 +62,8 @@ class StatusTexts:
         mission resumes. Such a text is sent again, unless it was the last one and less than a
         second ago.
 
-        Up to 50 characters are one message with id 0; more are chunks of 50 with an id and a
-        chunk_seq, the last with a NUL. Characters outside ASCII become question marks.
+        Up to 50 characters are one message with id 0; more are chunks with an id and a chunk_seq,
+        cut between words (`_chunks`). Characters outside ASCII become question marks.
         """
         if link is None and self._is_repeat(text, is_new, now_s):
             return []
@@ -72,8 +72,8 @@ class StatusTexts:
             return [_chunk(severity, data, text_id=0, sequence=0)]
         self._last_id = self._last_id % 65535 + 1
         return [
-            _chunk(severity, data[start : start + CHUNK_BYTES], self._last_id, sequence)
-            for sequence, start in enumerate(range(0, len(data) + 1, CHUNK_BYTES))
+            _chunk(severity, chunk, self._last_id, sequence)
+            for sequence, chunk in enumerate(_chunks(data))
         ]
 
     def _is_repeat(self, text: str, is_new: bool, now_s: float) -> bool:
@@ -130,6 +130,21 @@ class ReceivedTexts:
         text = " ".join(printable("".join(self._chunks)).split())
         self._chunks = []
         return [ReceivedText(severity=_severity_word(self._severity), text=text)] if text else []
+
+
+def _chunks(data: bytes) -> list[bytes]:
+    """Chunks of a text, which cut no word or number of fewer than 50 characters.
+
+    A chunk of fewer than 50 bytes ends a text, so the others are filled with blanks. Their last
+    byte before the next word is a blank: a ground station that joins the chunks shows no two words
+    as one, and one that shows each by itself shows whole words.
+    """
+    chunks = []
+    while len(data) >= CHUNK_BYTES:
+        end = data.rfind(b" ", 0, CHUNK_BYTES) + 1 or CHUNK_BYTES
+        chunks.append(data[:end].ljust(CHUNK_BYTES))
+        data = data[end:]
+    return [*chunks, data]
 
 
 def _severity_word(severity: int) -> str:

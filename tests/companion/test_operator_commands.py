@@ -96,10 +96,19 @@ def test_while_planning_takes_long_the_order_is_in_progress_and_then_accepted():
     desk.run(0.04)
     assert desk.answers() == [IN_PROGRESS]
     desk.run(3.0)
-    assert desk.answers() == [IN_PROGRESS]
+    assert desk.answers() == [IN_PROGRESS] * 4
+    assert {m.progress for m in desk.messages("COMMAND_ACK") if m.command == USER_1} == {50}
     desk.answer_plan().step()
-    assert desk.answers() == [IN_PROGRESS, ACCEPTED]
+    assert desk.answers() == [IN_PROGRESS] * 4 + [ACCEPTED]
     assert desk.state == "ready"
+
+
+def test_an_order_that_waits_for_the_planner_is_in_progress_at_0_percent():
+    desk = Desk().run(1.2)
+    desk.companion.await_planner()
+    desk.order(INSPECTION).run(2.5)
+    assert desk.answers() == [IN_PROGRESS] * 3
+    assert {m.progress for m in desk.messages("COMMAND_ACK") if m.command == USER_1} == {0}
 
 
 def test_a_mission_that_cannot_be_planned_is_denied_with_a_text():

@@ -329,12 +329,20 @@ def test_a_command_waits_until_it_is_executed_answered_or_cancelled(ground_stati
     assert (desk.ledger.open(first.number), desk.ledger.open(second.number)) == (None, None)
 
 
-def test_a_command_without_an_answer_is_in_progress_once_after_200_ms_of_execution(ground_station):
+def test_a_command_without_an_answer_is_in_progress_after_200_ms_and_then_each_second(
+    ground_station,
+):
     desk = Desk()
     command, _ = desk.receive(ground_station.command(USER_1, 1))
-    assert desk.ledger.without_answer(desk.now_s + 5.0) == []
-    desk.ledger.note_executed(command, desk.now_s)
-    assert desk.ledger.without_answer(desk.now_s + 0.15) == []
-    assert desk.ledger.without_answer(desk.now_s + 0.25) == [command]
+    began_s = desk.now_s
+    assert desk.ledger.without_answer(began_s + 0.15) == []
+    assert desk.ledger.without_answer(began_s + 0.25) == [command]
+    desk.ledger.note_executed(command, began_s + 0.15)
+    assert desk.ledger.is_executed(command.number)
+    assert desk.ledger.without_answer(began_s + 0.3) == []
+    assert desk.ledger.without_answer(began_s + 0.4) == [command]
     desk.answer(command, CommandResult.IN_PROGRESS)
-    assert desk.ledger.without_answer(desk.now_s + 0.3) == []
+    assert desk.ledger.without_answer(desk.now_s + 0.95) == []
+    assert desk.ledger.without_answer(desk.now_s + 1.05) == [command]
+    desk.answer(command, CommandResult.ACCEPTED)
+    assert desk.ledger.without_answer(desk.now_s + 60.0) == []

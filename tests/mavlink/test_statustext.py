@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from moar_companion.mavlink.statustext import Severity, StatusTexts
 
@@ -21,6 +23,25 @@ def test_a_long_text_is_sent_in_chunks_and_the_last_one_ends_the_text(length, ch
     assert [(number, sequence) for number, sequence, _ in sent] == [(1, i) for i in range(chunks)]
     assert "".join(part for _, _, part in sent) == text[:1000]
     assert len(sent[-1][2]) < 50
+
+
+words = st.text(alphabet="abc019.,-", min_size=1, max_size=49)
+
+
+@given(st.lists(words, min_size=1, max_size=30).map(" ".join))
+def test_no_word_or_number_is_cut_whether_a_station_joins_the_chunks_or_shows_each(text):
+    texts = [part for _, _, part in encoded(StatusTexts(), text[:990].rpartition(" ")[0] or "a")]
+    whole = (text[:990].rpartition(" ")[0] or "a").split()
+    assert "".join(texts).split() == whole
+    assert [word for part in texts for word in part.split()] == whole
+    assert all(len(part) == 50 for part in texts[:-1])
+
+
+def test_a_text_is_cut_at_its_last_blank_before_the_end_of_a_chunk():
+    text = "wind risk 0.92, path 1.4 m outward (was 0.31), the battery lasts 412 s"
+    parts = [part for _, _, part in encoded(StatusTexts(), text)]
+    first = "wind risk 0.92, path 1.4 m outward (was 0.31),    "
+    assert parts == [first, "the battery lasts 412 s"]
 
 
 def test_each_long_text_has_an_id_of_its_own():
