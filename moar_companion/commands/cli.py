@@ -121,13 +121,14 @@ COMMANDS = {
         summary="a site file from a point cloud or a map; a site's map and orders",
         description="Make a site file from a point cloud of a power line (its conductors are found "
         "by RANSAC, the plane is laid across them at the target), or from points drawn on a map. "
-        "Or show a site and its paths on a map and as a mission of QGroundControl; or write its "
-        "orders as buttons and scripts of ground stations.",
+        "Or show a site and its paths on a map and as a mission of QGroundControl; move "
+        "it in the world; or write its orders as buttons and scripts of ground stations.",
         examples=(
             f"{PROGRAM} site from-cloud scan.laz --at 53.187,6.567 --out site.yaml --plot site.png",
             f"{PROGRAM} site from-cloud scan.laz --at 228962,578460 --crs EPSG:28992 --out s.yaml",
             f"{PROGRAM} site from-map survey.kml --out site.yaml",
             f"{PROGRAM} site show site.yaml --kml site.kml --qgc-plan site.plan",
+            f'{PROGRAM} site shift site.yaml --north 0.4 --reason "base moved" --out moved.yaml',
             f"{PROGRAM} site actions site.yaml --out ground",
         ),
     ),

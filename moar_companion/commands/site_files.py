@@ -1,9 +1,10 @@
-"""`moar-companion site`: a site file from a point cloud or a map; a map, or orders, from a site."""
+"""`moar-companion site`: a site file from a point cloud or a map; what is made of a site."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from datetime import date, datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -22,7 +23,7 @@ from .outputs import (
 if TYPE_CHECKING:
     from ..planner.plan_values import Plan
     from ..planner.planner import Planner
-    from ..planner.site import Site
+    from ..planner.site import FrameShift, Site
 
 _MAPS = (".kml", ".geojson", ".json", ".csv")
 
@@ -33,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "action",
         metavar="|".join(_ACTIONS),
         type=_action,
-        help="a site from a point cloud; from points on a map; a site on a map; its orders for "
-        "ground stations",
+        help="a site from a point cloud; from points on a map; a site on a map; moved in the "
+        "world; its orders for ground stations",
     )
     parser.add_argument(
         "file", metavar="FILE", type=file_name("FILE"), help="the point cloud, map or site file"
@@ -60,8 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--port", metavar="N", type=_port, help="of a .pcap: UDP port of the data packets"
     )
     cloud.add_argument("--seed", metavar="N", type=_seed, default=0, help="of RANSAC (default: 0)")
+    written = parser.add_argument_group("all but show")
+    add_file(written, "--out", "the site file to write; of actions: the folder")
     made = parser.add_argument_group("from-cloud and from-map")
-    add_file(made, "--out", "the site file to write; actions: the folder")
     add_file(made, "--plot", "draw what was found (.png, .svg, .pdf); needs the extra plots")
     made.add_argument("--name", metavar="NAME", help="of the site (default: the file's)")
     made.add_argument(
@@ -92,6 +94,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_file(shown, "--geojson", "write site and paths as GeoJSON")
     add_file(shown, "--qgc-plan", "write the paths as a mission of QGroundControl")
     add_file(shown, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
+    shifted = parser.add_argument_group("shift (a site whose RTK base has moved)")
+    for option, direction in (("--north", "north"), ("--east", "east"), ("--up", "up")):
+        shifted.add_argument(
+            option,
+            metavar="M",
+            type=_displacement(option),
+            default=0.0,
+            help=f"how far the site moves {direction}, in m (default: 0)",
+        )
+    shifted.add_argument(
+        "--reason", metavar="TEXT", type=_reason, help="for the record in the file"
+    )
+    shifted.add_argument(
+        "--date", metavar="DATE", type=_date, help="for the record, as 2026-05-31 (default: today)"
+    )
     orders = parser.add_argument_group("actions")
     orders.add_argument(
         "--component",
@@ -259,10 +276,40 @@ def _show(arguments: argparse.Namespace) -> int:
         for option, path in outputs.items()
     ]
     print_text(
-        "".join(f"{path_name(plan)}: {len(plan.states)} waypoints\n" for plan in plans)
+        "".join(map(_shift_text, site.shifts))
+        + "".join(f"{path_name(plan)}: {len(plan.states)} waypoints\n" for plan in plans)
         + "".join(f"no path: {reason}\n" for reason in missing)
     )
     return _finished(failures)
+
+
+def _shift(arguments: argparse.Namespace) -> int:
+    from ..planner.site import FrameShift, Site  # noqa: PLC0415
+    from ..planner.site_shift import shifted_text  # noqa: PLC0415
+    from ..settings.yaml_file import text_of  # noqa: PLC0415
+
+    out = _out(arguments)
+    if not (arguments.north or arguments.east or arguments.up):
+        raise InputError("shift", "", "moves nothing: give --north, --east or --up")
+    if not arguments.reason:
+        raise InputError("--reason", "", "is missing: why the site is moved")
+    shift = FrameShift(
+        north_m=arguments.north,
+        east_m=arguments.east,
+        up_m=arguments.up,
+        reason=arguments.reason,
+        date=arguments.date or datetime.now(timezone.utc).date().isoformat(),
+    )
+    text = shifted_text(text_of(arguments.file), arguments.file, shift)
+    frame = Site.of_text(text, out).frame
+    failure = write_output("--out", out, partial(_write_text, text))
+    place = f"x = 0 at {frame.origin.latitude_deg:.8f}, {frame.origin.longitude_deg:.8f}"
+    print_text(f"{_shift_text(shift)}{place}, {frame.origin.altitude_amsl_m:.2f} m\n{_next(out)}")
+    return _finished([failure], out)
+
+
+def _shift_text(shift: FrameShift) -> str:
+    return f"frame moved {shift}\n"
 
 
 def _actions(arguments: argparse.Namespace) -> int:
@@ -360,6 +407,32 @@ def _action(text: str) -> str:
     return text
 
 
+def _displacement(option: str) -> Callable[[str], float]:
+    def parse(text: str) -> float:
+        from ..planner.site import MAX_SHIFT_M  # noqa: PLC0415
+
+        value = number(text)
+        if value is None or abs(value) > MAX_SHIFT_M:
+            allowed = f"must be a number of metres from -{MAX_SHIFT_M:g} to {MAX_SHIFT_M:g}"
+            raise refused(option, text, allowed)
+        return value
+
+    return parse
+
+
+def _reason(text: str) -> str:
+    if not text.strip() or len(text) > 100 or not text.isprintable():
+        raise refused("--reason", text, "must be 1 to 100 printable characters")
+    return text
+
+
+def _date(text: str) -> str:
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise refused("--date", text, "must be a day, as 2026-05-31") from None
+
+
 def _component(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 2 <= int(text[:9]) <= 255:
         raise refused("--component", text, "must be the companion's component id, 2 to 255")
@@ -400,5 +473,6 @@ _ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
     "from-cloud": _from_cloud,
     "from-map": _from_map,
     "show": _show,
+    "shift": _shift,
     "actions": _actions,
 }

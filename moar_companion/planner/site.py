@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from os import PathLike
+from os import PathLike, fspath
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from ..errors import InputError
 from ..settings import yaml_file
@@ -136,6 +137,25 @@ class Margin:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FrameShift:
+    """A displacement of a site's frame in the world, which its origin contains already."""
+
+    north_m: float = 0.0
+    east_m: float = 0.0
+    up_m: float = 0.0
+    reason: str
+    date: str
+    """ISO 8601, as 2026-05-31."""
+
+    def __str__(self) -> str:
+        parts = ((self.north_m, "NS"), (self.east_m, "EW"), (self.up_m, ("up", "down")))
+        moved = ", ".join(
+            f"{abs(value_m):g} m {words[value_m < 0.0]}" for value_m, words in parts if value_m
+        )
+        return f"{moved} on {self.date}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
     """A site as planned and flown; arrays of it are built by the planner."""
 
@@ -150,6 +170,8 @@ class Site:
     """Landing points of the exit and of the evacuation; a mission without any is absent."""
     margin: Margin = Margin()
     """Part of its keep-outs beyond those of the file; zero where the site is only planned."""
+    shifts: tuple[FrameShift, ...] = ()
+    """Displacements of its frame so far: a record, the frame has them already."""
 
     @property
     def conductors(self) -> tuple[Conductor, ...]:
@@ -184,7 +206,12 @@ class Site:
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Site:
         """The site in a YAML file; raises InputError with one line when it cannot be used."""
-        file = yaml_file.read(path, SiteFile, _findings)
+        return cls.of_text(yaml_file.text_of(path), fspath(path))
+
+    @classmethod
+    def of_text(cls, text: str, source: str) -> Site:
+        """The site in the text of a YAML file; raises InputError as `load`."""
+        file = yaml_file.parsed(text, source, SiteFile, _findings)
         origin = file.frame.origin
         workspace = file.workspace
         obstacles = tuple(
@@ -219,7 +246,13 @@ class Site:
                 for mission, points in landing.items()
                 if points
             },
+            shifts=tuple(FrameShift(**shift.model_dump()) for shift in file.frame.shifts),
         )
+
+
+MAX_SHIFT_M = 100.0
+"""Greatest displacement of a shift along each axis: a base station stands near its site."""
+_Shift = Annotated[float, Field(ge=-MAX_SHIFT_M, le=MAX_SHIFT_M)]
 
 
 def _cells(extent_m: float, resolution_m: float) -> int:
@@ -246,10 +279,31 @@ class _OriginFile(FileModel):
     """Height above mean sea level of z = 0."""
 
 
+def _day(text: str) -> str:
+    if not re.fullmatch(r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])", text, re.ASCII):
+        raise ValueError("must be a day, as 2026-05-31")
+    return text
+
+
+class _ShiftFile(FileModel):
+    north_m: _Shift = 0.0
+    """Displacement to the north."""
+    east_m: _Shift = 0.0
+    """Displacement to the east."""
+    up_m: _Shift = 0.0
+    """Displacement up."""
+    reason: Name
+    """Reason of the shift, for people."""
+    date: Annotated[Name, AfterValidator(_day)]
+    """Day of the shift, as 2026-05-31."""
+
+
 class _FrameFile(FileModel):
     origin: _OriginFile
     azimuth_deg: Annotated[float, Field(ge=0.0, le=360.0)]
     """Compass direction of +x."""
+    shifts: list[_ShiftFile] = Field(default_factory=list)
+    """Record of the shifts by `site shift`; the origin contains them already."""
 
 
 class _WorkspaceFile(FileModel):

@@ -72,13 +72,21 @@ def read(
     schema: type[Model],
     check: Callable[[Model], Iterable[FileFinding]] = lambda _: (),
 ) -> Model:
-    """The file's content as the schema's model.
+    """The file's content as the schema's model: `parsed` of its text."""
+    return parsed(text_of(path), os.fspath(path), schema, check)
+
+
+def parsed(
+    text: str,
+    source: str,
+    schema: type[Model],
+    check: Callable[[Model], Iterable[FileFinding]] = lambda _: (),
+) -> Model:
+    """The text of a file as the schema's model; `source` is the file's name.
 
     `check` finds errors across keys; it is called once every key is valid by itself.
     Raises InputError with the first finding in file order, and the number of the others.
     """
-    source = os.fspath(path)
-    text = _text(source)
     keys = ", ".join(schema.model_fields)
     try:
         loader = _Loader(text)
@@ -160,7 +168,9 @@ def nearest(word: str, words: Iterable[str]) -> str:
     return f", did you mean {known[found[0]]}?" if found else ""
 
 
-def _text(source: str) -> str:
+def text_of(path: str | os.PathLike[str]) -> str:
+    """The text of a file; InputError where it cannot be read."""
+    source = os.fspath(path)
     try:
         with open_file(source) as file:
             content = file.read(_MAX_BYTES + 1)

@@ -337,3 +337,43 @@ def test_a_cloud_without_a_place_needs_one(cloud, at, tmp_path, capsys):
     assert "the file of the input too" in one_line(
         ["site", "from-cloud", file, *arguments], 2, capsys
     )
+
+
+def test_a_site_is_shifted_with_its_record_and_shown_with_it(tmp_path, capsys):
+    out, again = tmp_path / "moved.yaml", tmp_path / "again.yaml"
+    words = ("--north", "0.4", "--east", "-0.1", "--reason", "base moved", "--date", "2026-05-31")
+    assert run("shift", SHIPPED, *words, "--out", out) == 0
+    written = capsys.readouterr().out
+    assert written.startswith("frame moved 0.4 m N, 0.1 m W on 2026-05-31: base moved\nx = 0 at ")
+    assert f"wrote {out}; next: moar-companion check --files --site {out}\n" in written
+    assert run("shift", out, "--up", "1", "--reason", "datum", "--out", again) == 0
+    first, second = Site.load(again).shifts
+    assert (first.reason, second.reason, second.up_m) == ("base moved", "datum", 1.0)
+    assert len(second.date) == len("2026-05-31")  # today
+    assert cli.main(["check", "--files", "--site", str(again)]) == 0
+    assert "frame: moved 0.4 m N, 0.1 m W on 2026-05-31: base moved" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reported"),
+    [
+        (("--north", "1", "--reason", "x"), "--out: is missing"),
+        (("--north", "1", "--out", "{out}"), "--reason: is missing: why the site is moved"),
+        (("--reason", "x", "--out", "{out}"), "shift: moves nothing: give --north, --east or --up"),
+        (("--up", "101"), "--up: is '101', must be a number of metres from -100 to 100"),
+        (("--north", "nan"), "--north: is 'nan', must be a number of metres"),
+        (("--reason", "a\nb"), "must be 1 to 100 printable characters"),
+        (("--date", "2026-02-30"), "--date: is '2026-02-30', must be a day, as 2026-05-31"),
+    ],
+)
+def test_a_shift_without_sense_is_one_line(arguments, reported, tmp_path, capsys):
+    words = [word.format(out=tmp_path / "out.yaml") for word in arguments]
+    assert reported in one_line(["site", "shift", SHIPPED, *words], 2, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_site_is_not_shifted_in_place(tmp_path, capsys):
+    site = tmp_path / "site.yaml"
+    site.write_bytes(SHIPPED.read_bytes())
+    words = ("site", "shift", site, "--up", "1", "--reason", "x", "--out", site)
+    assert "the file of the input too, must be another" in one_line(words, 2, capsys)

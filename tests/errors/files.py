@@ -45,6 +45,15 @@ SITE: dict[str, Any] = {
     "frame": {
         "origin": {"latitude_deg": 45.4, "longitude_deg": -71.9, "altitude_amsl_m": 210.0},
         "azimuth_deg": 90.0,
+        "shifts": [
+            {
+                "north_m": 0.4,
+                "east_m": -0.1,
+                "up_m": 0.03,
+                "reason": "base moved",
+                "date": "2026-05-31",
+            }
+        ],
     },
     "workspace": {
         "x_m": [0.0, 30.0],
@@ -165,7 +174,8 @@ FILES: dict[str, tuple[Any, dict[str, Any]]] = {
 REQUIRED = {
     "site.yaml": {
         "name", "frame", "frame.origin", "frame.origin.latitude_deg", "frame.origin.longitude_deg",
-        "frame.origin.altitude_amsl_m", "frame.azimuth_deg", "workspace", "workspace.x_m",
+        "frame.origin.altitude_amsl_m", "frame.azimuth_deg", "frame.shifts[0].reason",
+        "frame.shifts[0].date", "workspace", "workspace.x_m",
         "workspace.z_m", "workspace.resolution_m", "obstacles", "obstacles[0].conductor.name",
         "obstacles[0].conductor.x_m", "obstacles[0].conductor.z_m",
         "obstacles[0].conductor.radius_m", "obstacles[1].polygon.name",

@@ -86,6 +86,7 @@ OUTSIDE = {
         "keep_out_m": (-0.1, FAR),
         "dwell_s": (-0.1, 86_400.1),
         "yaw_deg": (-180.1, 360.1),
+        **dict.fromkeys(("north_m", "east_m", "up_m"), (-100.1, 100.1)),
     },
     "vehicle.yaml": {
         "radius_m": (-0.1, FAR),

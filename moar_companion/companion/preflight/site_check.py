@@ -35,6 +35,7 @@ _ENDURANCE_SHARE = 0.8
 def site_findings(planner: Planner) -> list[Finding]:
     """Returns all findings on a site and a vehicle, as the planner has them."""
     return [
+        *_shifts(planner),
         _size(planner),
         _speed(planner),
         *_obstacles(planner),
@@ -43,6 +44,12 @@ def site_findings(planner: Planner) -> list[Finding]:
         *_landings(planner),
         *_targets(planner),
     ]
+
+
+def _shifts(planner: Planner) -> Iterator[Finding]:
+    """Names the shifts of the frame: the site stands elsewhere than it was surveyed."""
+    for shift in planner.site.shifts:
+        yield Finding(level=Level.NOTE, subject="frame", text=f"moved {shift}")
 
 
 def _size(planner: Planner) -> Finding:
