@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
-from ..companion.mission_states import MissionState
+from ..companion.mission_states import STREAMING, MissionState
 from ..errors import LinkError
 from ..mavlink.commands import ORDERS, RESULT_NAMES, CommandResult
 from ..mavlink.modes import mode_name
@@ -40,7 +40,6 @@ _RISKS = {
     "battery": "RISK_BATT",
 }
 _WEIGHTS = {"safety": "K_SAFETY", "time": "K_TIME", "energy": "K_ENERGY"}
-_ACTIVE = 4
 _ARMED = 128
 
 _REPEAT_S = 0.5
@@ -217,9 +216,10 @@ def _status(operator: GroundStation) -> str:
 def _companion(heartbeat: Mapping[str, Any]) -> str:
     states = tuple(MissionState)
     number = heartbeat["custom_mode"]
-    state = states[number].value if number < len(states) else f"state {number}"
-    streams = heartbeat["system_status"] == _ACTIVE
-    return f"{state}, streams {'setpoints' if streams else 'nothing'}"
+    if number >= len(states):
+        return f"state {number}"
+    state = states[number]
+    return f"{state.value}, streams {'setpoints' if state in STREAMING else 'nothing'}"
 
 
 def _autopilot(heartbeat: Mapping[str, Any]) -> str:
