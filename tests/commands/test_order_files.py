@@ -17,6 +17,7 @@ from moar_companion.commands.order_files import order_files, orders_of
 from moar_companion.companion.mission.values import Order, Task
 from moar_companion.companion.operator_commands import understood
 from moar_companion.mavlink.commands import interpret
+from moar_companion.mavlink.statustext import Severity, StatusTexts
 from moar_companion.planner.site import Site, Target
 from moar_companion.settings.config import Authority, shipped_configs
 from moar_companion.types import Mission
@@ -329,10 +330,10 @@ def test_silence_is_reported_once_and_planning_prolongs_the_wait(mavproxy, capsy
 
 def test_the_companions_texts_are_shown_whole_and_once(mavproxy, capsys):
     words = "MOAR: a text that is longer than fifty characters, in two parts"
+    chunks = StatusTexts().messages(Severity.WARNING, words, 0.0)
     mavproxy.receive(mavlink.MAVLink_statustext_message(4, b"MOAR: ready for exit", 0, 0))
-    for number in (0, 1):
-        part = words[50 * number :][:50].encode()
-        mavproxy.receive(mavlink.MAVLink_statustext_message(4, part, 9, number))
+    for chunk in chunks:
+        mavproxy.receive(chunk)
     mavproxy.receive(mavlink.MAVLink_statustext_message(4, b"Takeoff", 0, 0), AUTOPILOT)
     mavproxy.settings.target_component = 0  # then MAVProxy shows them itself
     mavproxy.receive(mavlink.MAVLink_statustext_message(4, b"MOAR: exit", 0, 0))

@@ -158,7 +158,8 @@ class MoarModule(mp_module.MPModule):
         if part.id and len(part.text) == CHUNK_CHARS:
             return
         self.chunks.pop(part.id, None)
-        print("".join(parts[number] for number in sorted(parts)))
+        text = "".join(parts[number] for number in sorted(parts))
+        print(" ".join(text.split()))  # parts are filled with blanks
 
 
 def init(mpstate):
