@@ -196,9 +196,9 @@ class _Stream:
         """Updates `wrong` and the state of requests at the end of a window."""
         if now_s < self.window_end_s:
             return
-        wanted = self.rate_hz * self.window_s
-        too_many = self.exact and self.count > _TOO_MUCH * wanted
-        self.wrong = self.count < _ENOUGH * wanted or too_many
+        too_few = self.count < _ENOUGH * self.rate_hz * self.window_s
+        too_many = self.exact and self.count > _TOO_MUCH * self.rate_hz * self.window_s
+        self.wrong = too_few or too_many
         stopped = self.flowing and self.count == 0
         paused = now_s >= self.requested_s + (_DENIED_AGAIN_S if self.denied else _AGAIN_S)
         silent = self.count == 0 and self.requests > 0
