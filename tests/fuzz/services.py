@@ -30,6 +30,7 @@ from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.flight_parameters import FlightParameters
 from moar_companion.settings.link_config import LinkRole
 from moar_companion.settings.vehicle import VehicleFile
+from moar_companion.types import GeodeticPoint
 from sitl.wire import packet_header
 
 from ..benchmarks.soak import anonymous_mb
@@ -111,6 +112,18 @@ class Flood:
         self.file_transfer = mavlink.mavlink_map[_FTP]
         self.before: list[bytes] = [bytes(254)]
 
+    def path(self) -> tuple[GeodeticPoint, ...]:
+        """A planned path, to be downloaded as a mission."""
+        pick = self.pick
+        return tuple(
+            GeodeticPoint(
+                latitude_deg=pick.uniform(-90.0, 90.0),
+                longitude_deg=pick.uniform(-180.0, 180.0),
+                altitude_amsl_m=pick.uniform(-100.0, 9000.0),
+            )
+            for _ in range(pick.randrange(60))
+        )
+
     def packet(self) -> tuple[str, bytes]:
         """A link and a packet."""
         pick = self.pick
@@ -163,6 +176,9 @@ def run(count: int, seed: int = 0) -> Report:
         before = report.given
         if report.cycles % 50 == 0:
             packets = flood.pick.choice(PER_CYCLE)
+            path = flood.path()
+            for session in (flooded, calm):
+                session.services.path.offer(path)
         report.cycles += 1
         now_s = report.cycles * CYCLE_S
         if report.cycles % 50 == 1:
