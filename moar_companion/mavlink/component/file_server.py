@@ -3,12 +3,11 @@
 Only the given files can be read, and nothing can be written. A path's leading slashes are left
 out: QGroundControl asks for `//general.json.xz` when a URI has a slash after its component.
 
-A ground station has one open file, session 0, and the next that it opens closes the one before.
-PX4 has one session, too, and MAVSDK reads session 0 whatever number the server has given. A client
+A session has the number that the ground station has given it when it opened a file, as with
+ArduPilot: MAVProxy expects that, and has several; QGroundControl and MAVSDK have one, 0. A client
 whose reply was lost repeats its request, MAVSDK with a new number, and a network doubles packets
-and exchanges their order. Reading changes nothing, so that a repeat is answered again. A repeat of
-what has opened or closed a file gets the reply of the first, and a request from before the open
-file neither closes nor replaces it.
+and exchanges their order. Reading changes nothing, so that a repeat is answered again. A request
+from before the one that has opened the file neither closes nor replaces it.
 
 A burst ends after two seconds, since pymavlink gives up 3.7 s after its last request. It does not
 end with a packet shorter than was asked for, which pymavlink takes for the end of the file.
@@ -44,11 +43,14 @@ changed, and end the download; so no link gets shorter pieces."""
 
 _IDLE_S = 30.0
 """Time without a request after which an open file is closed: MAVSDK gives up after 10 s."""
-_MOST_CLIENTS = 8
+_MOST_SESSIONS = 16
+_MOST_OF_SENDER = 5
+"""Limit of the files that a ground station has open: ArduPilot's, and MAVProxy's own."""
 _MOST_READS = 8
-"""Limit of the reads of a client that wait for room: pymavlink has five under way."""
-_LATE_S = 5.0
-"""Greatest delay of a request, or of its copy over another link."""
+"""Limit of the reads of a session that wait for room: pymavlink has five under way."""
+_LATE_S = 2.0
+"""Greatest delay of a request on its way. A client that starts again with low numbers, with a file
+still open, repeats its requests for longer."""
 _BURST_S = 2.0
 """Time after which a burst ends: the client asks for the next one."""
 _DOUBLED_S = 0.3
@@ -157,14 +159,9 @@ class _Reply(NamedTuple):
         )
 
 
-def _ack(request: _Request, data: bytes = b"", *, session: int | None = None) -> _Reply:
+def _ack(request: _Request, data: bytes = b"") -> _Reply:
     return _Reply(
-        request.sequence + 1,
-        request.session if session is None else session,
-        Opcode.ACK,
-        request.opcode,
-        request.offset,
-        data,
+        request.sequence + 1, request.session, Opcode.ACK, request.opcode, request.offset, data
     )
 
 
@@ -182,47 +179,41 @@ class _Burst:
     packets: int = 0
 
 
-class _Client:
-    """A ground station: the file that it has open, and what it reads of it."""
+class _Session:
+    """A file that a ground station has opened, and what it reads of it."""
 
-    __slots__ = ("_changed_s", "burst", "closed", "name", "opened", "reads", "used_s")
+    __slots__ = ("burst", "closed", "name", "opened", "opened_s", "reads", "used_s")
 
-    def __init__(self, now_s: float) -> None:
-        self.name: str | None = None
-        """File that is open."""
-        self.opened: _Request | None = None
-        """Request that has opened the last file."""
+    def __init__(self, request: _Request, now_s: float) -> None:
         self.closed: _Request | None = None
-        """Request that has closed a file last."""
+        """Request that has closed the file last."""
         self.reads: deque[_Request] = deque(maxlen=_MOST_READS)
         self.burst: _Burst | None = None
         self.used_s = now_s
         """Time of the last request or packet of a file."""
-        self._changed_s = now_s
+        self.open(request, now_s)
 
     def open(self, request: _Request, now_s: float) -> None:
         """Opens the file of a request, in place of the one that is open."""
-        self.name, self.opened = request.path, request
-        self._end_reading(now_s)
+        self.name: str | None = request.path
+        """File that is open."""
+        self.opened, self.opened_s = request, now_s
+        self._end_reading()
 
-    def close(self, request: _Request, now_s: float) -> None:
-        """Closes the file that is open."""
+    def close(self, request: _Request) -> None:
+        """Closes the file."""
         self.name, self.closed = None, request
-        self._end_reading(now_s)
+        self._end_reading()
 
-    def _end_reading(self, now_s: float) -> None:
-        self.burst, self._changed_s = None, now_s
+    def _end_reading(self) -> None:
+        self.burst = None
         self.reads.clear()
 
     def is_late(self, request: _Request, now_s: float) -> bool:
-        """Returns True for a request that was sent before the one that has opened the open file."""
-        if self.name is None or self.opened is None or now_s - self._changed_s > _LATE_S:
+        """Returns True for a request that was sent before the one that has opened the file."""
+        if self.name is None or now_s - self.opened_s > _LATE_S:
             return False
         return 0 < (self.opened.sequence - request.sequence & 0xFFFF) < 0x8000
-
-    def is_repeated(self, request: _Request, now_s: float) -> bool:
-        """Returns True for the request again that has closed a file last."""
-        return request == self.closed and now_s - self._changed_s <= _LATE_S
 
     def next_reply(self, file: bytes, most_bytes: int, now_s: float) -> _Reply | None:
         """Next packet of the open file with this content: of a read, then of a burst."""
@@ -249,6 +240,13 @@ class _Client:
         return reply
 
 
+class _Key(NamedTuple):
+    """A session of a ground station, by the number that it has given it."""
+
+    sender: Sender
+    number: int
+
+
 class FileServer:
     """The files of the component, by their names, in one directory."""
 
@@ -257,8 +255,8 @@ class FileServer:
 
     def __init__(self, files: Mapping[str, bytes]) -> None:
         self._files = dict(sorted(files.items()))
-        self._clients: dict[Sender, _Client] = {}
-        """The one that was served last stands at the end."""
+        self._sessions: dict[_Key, _Session] = {}
+        """Those that are open, and closed ones; the one that was served last stands at the end."""
 
     def handle(self, message: Message, asker: Asker, now_s: float) -> list[Message]:
         """Takes a request; returns its reply, unless that is a piece of a file.
@@ -269,42 +267,40 @@ class FileServer:
         to_all = message.target_system == 0 or message.target_component == 0
         if to_all or request.opcode in {Opcode.ACK, Opcode.NAK}:
             return []
-        client = self._client_of(asker.sender, now_s)
-        if client is not None:
-            client.used_s = now_s
-        reply = self._reply(request, asker.sender, client, now_s)
+        self._forget_idle(now_s)
+        reply = self._reply(request, _Key(asker.sender, request.session), now_s)
         return [] if reply is None else [reply.message(asker.sender)]
 
     def next_answer(self, link: str, most_bytes: int, now_s: float) -> Message | None:
-        """Next packet of a file for a client on this link, each in turn; None: none is due.
+        """Next packet of a file for a session on this link, each in turn; None: none is due.
 
         most_bytes: size of the largest packet.
         """
         data_bytes = min(max(most_bytes - _AROUND_DATA_BYTES, _LEAST_DATA_BYTES), _MOST_DATA_BYTES)
-        for sender, client in self._clients.items():
-            if sender.link != link or client.name is None:
+        for key, session in self._sessions.items():
+            if key.sender.link != link or session.name is None:
                 continue
-            reply = client.next_reply(self._files[client.name], data_bytes, now_s)
+            reply = session.next_reply(self._files[session.name], data_bytes, now_s)
             if reply is not None:
-                client.used_s = now_s
-                self._clients[sender] = self._clients.pop(sender)
-                return reply.message(sender)
+                session.used_s = now_s
+                self._sessions[key] = self._sessions.pop(key)
+                return reply.message(key.sender)
         return None
 
-    def _reply(
-        self, request: _Request, sender: Sender, client: _Client | None, now_s: float
-    ) -> _Reply | None:
+    def _reply(self, request: _Request, key: _Key, now_s: float) -> _Reply | None:
         if request.size > _MOST_DATA_BYTES:
             return _nak(request, FtpError.INVALID_DATA_SIZE)
         match request.opcode:
             case Opcode.NONE:
                 return _ack(request)
             case Opcode.OPEN_FILE_RO:
-                return self._open(request, sender, client, now_s)
-            case Opcode.TERMINATE_SESSION | Opcode.RESET_SESSIONS:
-                return _close(request, client, now_s)
+                return self._open(request, key, now_s)
+            case Opcode.TERMINATE_SESSION:
+                return self._terminate(request, key, now_s)
+            case Opcode.RESET_SESSIONS:
+                return self._reset(request, key.sender, now_s)
             case Opcode.READ_FILE | Opcode.BURST_READ_FILE:
-                return self._read(request, client, now_s)
+                return self._read(request, key, now_s)
             case Opcode.LIST_DIRECTORY:
                 return self._list(request)
             case Opcode.CALC_FILE_CRC32:
@@ -317,36 +313,54 @@ class FileServer:
             FtpError.FILE_PROTECTED if request.opcode in _WRITES else FtpError.UNKNOWN_COMMAND,
         )
 
-    def _open(
-        self, request: _Request, sender: Sender, client: _Client | None, now_s: float
-    ) -> _Reply | None:
+    def _open(self, request: _Request, key: _Key, now_s: float) -> _Reply | None:
         file = self._files.get(request.path)
         if file is None:
             return _nak(request, FtpError.FILE_NOT_FOUND)
-        if client is None:
-            client = self._new_client(sender, now_s)
-            if client is None:
+        session = self._sessions.get(key)
+        if session is None:
+            if not self._has_room(key.sender):
                 return _nak(request, FtpError.NO_SESSIONS_AVAILABLE)
-        if client.is_late(request, now_s):
-            return None
-        if client.name is None or request != client.opened:
-            client.open(request, now_s)
-        return _ack(request, len(file).to_bytes(4, "little"), session=0)
+            self._sessions[key] = _Session(request, now_s)
+        elif session.is_late(request, now_s):
+            if request.path != session.name:
+                return None
+        elif session.name is None or request != session.opened:
+            session.open(request, now_s)
+        self._sessions[key].used_s = now_s
+        return _ack(request, len(file).to_bytes(4, "little"))
 
-    def _read(self, request: _Request, client: _Client | None, now_s: float) -> _Reply | None:
-        """Notes a read or a burst, whose replies wait for room; returns the reason if it cannot."""
-        if client is None or client.name is None or request.session != 0:
+    def _terminate(self, request: _Request, key: _Key, now_s: float) -> _Reply:
+        session = self._sessions.get(key)
+        if session is None or (session.name is None and request != session.closed):
             return _nak(request, FtpError.INVALID_SESSION)
-        if request.offset >= len(self._files[client.name]):
+        if session.name is not None and not session.is_late(request, now_s):
+            session.close(request)
+        return _ack(request)
+
+    def _reset(self, request: _Request, sender: Sender, now_s: float) -> _Reply:
+        """Closes the files of a ground station, its own alone: others go on reading theirs."""
+        for key, session in self._sessions.items():
+            if key.sender == sender and not session.is_late(request, now_s):
+                session.close(request)
+        return _ack(request)
+
+    def _read(self, request: _Request, key: _Key, now_s: float) -> _Reply | None:
+        """Notes a read or a burst, whose replies wait for room; returns the reason if it cannot."""
+        session = self._sessions.get(key)
+        if session is None or session.name is None:
+            return _nak(request, FtpError.INVALID_SESSION)
+        session.used_s = now_s
+        if request.offset >= len(self._files[session.name]):
             return _nak(request, FtpError.END_OF_FILE)
         if request.opcode == Opcode.READ_FILE:
-            if len(client.reads) < _MOST_READS:
-                client.reads.append(request)
+            if len(session.reads) < _MOST_READS:
+                session.reads.append(request)
             return None
-        burst = client.burst
+        burst = session.burst
         doubled = burst is not None and burst.request == request
         if burst is None or not doubled or now_s - burst.started_s > _DOUBLED_S:
-            client.burst = _Burst(request, request.offset, now_s)
+            session.burst = _Burst(request, request.offset, now_s)
         return None
 
     def _list(self, request: _Request) -> _Reply:
@@ -361,40 +375,18 @@ class FileServer:
             data += entry
         return _ack(request, data) if data else _nak(request, FtpError.END_OF_FILE)
 
-    def _client_of(self, sender: Sender, now_s: float) -> _Client | None:
-        client = self._clients.get(sender)
-        if client is not None and now_s - client.used_s > _IDLE_S:
-            del self._clients[sender]
-            return None
-        return client
+    def _forget_idle(self, now_s: float) -> None:
+        for key in [k for k, each in self._sessions.items() if now_s - each.used_s > _IDLE_S]:
+            del self._sessions[key]
 
-    def _new_client(self, sender: Sender, now_s: float) -> _Client | None:
-        """A client in place of one that is idle or has no file open; None: all have one."""
-        if len(self._clients) == _MOST_CLIENTS:
-            free = (
-                other
-                for other, client in self._clients.items()
-                if client.name is None or now_s - client.used_s > _IDLE_S
-            )
-            replaced = next(free, None)
-            if replaced is None:
-                return None
-            del self._clients[replaced]
-        client = self._clients[sender] = _Client(now_s)
-        return client
-
-
-def _close(request: _Request, client: _Client | None, now_s: float) -> _Reply:
-    """Closes the client's file, its own alone: other ground stations go on reading theirs.
-
-    A client resets its sessions when it starts, with any number: a reset counts even if it is late.
-    """
-    is_reset = request.opcode == Opcode.RESET_SESSIONS
-    if client is None:
-        return _ack(request) if is_reset else _nak(request, FtpError.INVALID_SESSION)
-    is_repeated = client.is_repeated(request, now_s)
-    if not is_repeated and not is_reset and (client.name is None or request.session != 0):
-        return _nak(request, FtpError.INVALID_SESSION)
-    if not is_repeated and (is_reset or not client.is_late(request, now_s)):
-        client.close(request, now_s)
-    return _ack(request)
+    def _has_room(self, sender: Sender) -> bool:
+        """Makes room for one more session, in place of a closed one; False: there is none."""
+        opened = [key for key, session in self._sessions.items() if session.name is not None]
+        if sum(key.sender == sender for key in opened) >= _MOST_OF_SENDER:
+            return False
+        if len(self._sessions) < _MOST_SESSIONS:
+            return True
+        closed = next((key for key in self._sessions if key not in opened), None)
+        if closed is not None:
+            del self._sessions[closed]
+        return closed is not None

@@ -187,16 +187,19 @@ def test_an_end_that_the_next_open_request_has_overtaken_does_not_close_that_fil
     client.open(b"/parameter.json.xz", sequence=3)
     assert client.one(TERMINATE, sequence=2).opcode == ACK
     assert client.one(READ, size=10, sequence=4).data == FILES["parameter.json.xz"][:10]
-    client.now_s += 5.1  # no packet is so late: the numbers are those of a new client
+    client.now_s += 2.1  # no packet is so late: the numbers are those of a new client
     assert client.one(TERMINATE, sequence=2).opcode == ACK
     assert client.one(READ, size=10, sequence=5).error == SESSION
 
 
-def test_a_client_that_ended_with_a_file_open_opens_another_after_a_reset(client):
+def test_a_client_that_ended_with_a_file_open_reads_another_two_seconds_after(client):
     client.open(b"/general.json.xz", sequence=40)
     client.one(RESET, sequence=0)
-    client.open(b"/parameter.json.xz", sequence=1)
-    assert client.one(READ, size=10, sequence=2).data == FILES["parameter.json.xz"][:10]
+    assert client.open(b"/general.json.xz", sequence=1).opcode == ACK
+    assert client.ask(OPEN, data=b"/parameter.json.xz", sequence=2) == []
+    client.now_s += 2.1
+    client.open(b"/parameter.json.xz", sequence=2)
+    assert client.one(READ, size=10, sequence=3).data == FILES["parameter.json.xz"][:10]
 
 
 def test_a_client_that_starts_again_with_the_same_numbers_gets_its_file(client):
@@ -263,13 +266,32 @@ def test_a_burst_goes_to_the_link_of_its_ground_station_alone(client):
     assert len(client.rest()) == 5
 
 
-def test_eight_files_are_open_at_once_and_a_silent_ground_station_makes_room(client):
-    others = [Client(client.server, asker(component_id=number)) for number in range(8)]
+def test_a_ground_station_reads_several_files_in_sessions_of_its_own_numbers(client):
+    opened = [client.open(f"/{name}".encode(), session=100 + at) for at, name in enumerate(FILES)]
+    assert [reply.session for reply in opened] == [100, 101]
+    for at, file in enumerate(FILES.values()):
+        read = client.one(READ, size=10, offset=5, session=100 + at)
+        assert (read.session, read.data) == (100 + at, file[5:15])
+    client.one(TERMINATE, session=100)
+    assert client.one(READ, size=10, session=100).error == SESSION
+    assert client.one(READ, size=10, session=101).error is None
+    assert client.one(RESET, session=7).opcode == ACK
+    assert client.one(READ, size=10, session=101).error == SESSION
+
+
+def test_a_ground_station_has_five_files_open_at_most_and_may_close_one(client):
+    assert [client.open(session=number).error for number in range(6)] == [None] * 5 + [SESSIONS]
+    client.one(TERMINATE, session=2)
+    assert client.open(session=9).error is None
+
+
+def test_sixteen_files_are_open_at_most_and_a_silent_ground_station_makes_room(client):
+    others = [Client(client.server, asker(component_id=number)) for number in range(16)]
     assert {other.open().error for other in others} == {None}
     assert client.open().error == SESSIONS
     others[0].one(TERMINATE)
     assert client.open().error is None
-    late = Client(client.server, asker(component_id=9), now_s=131.0)
+    late = Client(client.server, asker(component_id=99), now_s=131.0)
     assert late.open().error is None
     assert Client(client.server, asker(component_id=1), now_s=131.0).one(READ).error == SESSION
 
@@ -288,7 +310,7 @@ PAYLOADS = st.builds(
     request,
     st.integers(0, 6),
     st.one_of(st.sampled_from(range(17)), st.integers(0, 255)),
-    session=st.sampled_from([0, 0, 0, 1, 255]),
+    session=st.sampled_from([0, 0, 0, 1, 2, 3, 4, 5, 255]),
     size=st.integers(0, 255),
     offset=st.sampled_from([0, 0, 1, 199, 200, 999, 1000, 2**32 - 1]),
     data=st.one_of(
@@ -310,4 +332,4 @@ def test_any_requests_get_one_reply_each_and_data_only_of_the_files(requests):
         for packet in client.rest():
             assert packet.opcode == ACK
             assert any(file[packet.offset :].startswith(packet.data) for file in FILES.values())
-    assert len(server._clients) <= 8
+    assert len(server._sessions) <= 16
