@@ -18,6 +18,7 @@ from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
 from ..risk import RiskEstimate
 from ..settings.config import CompanionConfig
+from ..settings.flight_parameters import FlightParameters
 from ..settings.vehicle import Vehicle
 from . import cycle_stages
 from .cycle_state import CycleState
@@ -36,7 +37,8 @@ from .safety.supervisor import Ruling
 class Companion:
     """The machine. site_maps: None without a site: then telemetry and risk only.
 
-    before: memory of the previous process. signing: needed where links are signed.
+    before: memory of the previous process. signing: needed where links are signed. parameters:
+    values that ground stations may change, which config and vehicle have; None: there are none.
     """
 
     def __init__(
@@ -47,9 +49,12 @@ class Companion:
         *,
         before: MissionSnapshot | None = None,
         signing: Signing | None = None,
+        parameters: FlightParameters | None = None,
     ) -> None:
         self._intake = Intake()
-        self.state = CycleState(config, vehicle, before=before, signing=signing)
+        self.state = CycleState(
+            config, vehicle, before=before, signing=signing, parameters=parameters
+        )
         """State between two cycles, for displays, which change none of it."""
         if site_maps is not None:
             cycle_stages.take_ground(self.state, site_maps)
@@ -70,6 +75,16 @@ class Companion:
         if not self.state.status_changed:
             return self.state.start_report.before
         return MissionSnapshot.of(self.status, self.state.site)
+
+    @property
+    def parameters(self) -> FlightParameters | None:
+        """Present values of the parameters; None: there are none."""
+        return self.state.session.parameters
+
+    @property
+    def setpoint_rate_hz(self) -> float:
+        """Rate at which the shell runs cycles."""
+        return self.state.config.setpoint_rate_hz
 
     @property
     def signing(self) -> SigningState:

@@ -7,9 +7,11 @@ made by pure functions and step machines of the packages beside this module.
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from ..mavlink.autopilots import profile
 from ..mavlink.commands import CommandCancelled, DeniedCommand
+from ..mavlink.component.parameter_server import ParameterSet
 from ..mavlink.identity import AutopilotFound, AutopilotRestarted
 from ..mavlink.received_commands import Accepted
 from ..mavlink.session import Event, Severity
@@ -29,8 +31,10 @@ from .cycle_inputs import (
     tracking_error_m,
 )
 from .cycle_state import CycleState
+from .error_margin import margin_of
 from .estimation.landed_state import grounded
 from .estimation.pose import Jump
+from .flight_settings import at_once, need_maps, settings_of
 from .guidance.splice import Adoption
 from .mission import state_machine
 from .mission.values import (
@@ -54,6 +58,7 @@ from .planning.site_maps import SiteMaps
 from .published_state import publish, system_status
 from .safety.condition_types import Action
 from .safety.position_checks import widening_m
+from .seen_obstacles import NewMaps
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
@@ -97,6 +102,7 @@ def take_ground(state: CycleState, site_maps: SiteMaps) -> None:
     state.seen_obstacles.take_site(site_maps.site)
     state.routes.limits.take_ground(site_maps)
     state.risk_monitor.take_site(site_maps.site)
+    _want_maps(state)
     flies = state.config.authority is not Authority.OBSERVE
     if flies and not state.status_changed and before is not None:
         state.status = state_machine.restarted(before.rest(site_maps.site))
@@ -117,9 +123,9 @@ def _observe(state: CycleState, now_s: float, step_s: float) -> None:
     )
     if followed is not None:
         state.seen_obstacles.shift(followed)
-    site_maps = state.seen_obstacles.taken(now_s)
-    if site_maps is not None:
-        _take_maps(state, site_maps, now_s)
+    maps = None if _stops_first(state) else state.seen_obstacles.taken(now_s)
+    if maps is not None:
+        _take_maps(state, maps, now_s)
     state.seen_obstacles.update(now_s, on_ground=grounded(state.telemetry))
     jumps = tuple(each for each in (jump, followed) if each is not None)
     for event in (*jumps, *state.session.events_received()):
@@ -141,6 +147,8 @@ def _take_event(state: CycleState, event: Event | Jump, now_s: float) -> None:
             state.session.requests.want_all_of(profile(autopilot.kind))
         case ModeLeft(mode=mode):
             state.faults.note_mode_left(mode)
+        case ParameterSet():
+            _take_parameter(state, event, now_s)
         case AutopilotRestarted():
             state.faults.note_restart()
         case _:
@@ -155,9 +163,57 @@ def _shift(state: CycleState, jump: Jump, now_s: float) -> None:
         state.reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
 
 
-def _take_maps(state: CycleState, site_maps: SiteMaps, now_s: float) -> None:
-    """Takes maps of the site with other obstacles."""
-    state.routes.learn_maps(site_maps, now_s)
+def _take_parameter(state: CycleState, event: ParameterSet, now_s: float) -> None:
+    """Takes the settings with a parameter that was set; requests maps where these need others."""
+    parameters = state.session.parameters
+    assert parameters is not None
+    state.reports.record(
+        "parameter",
+        now_s,
+        name=event.name,
+        value=event.value,
+        before=event.before,
+        sender=event.sender.system_id,
+    )
+    config, state.wanted = settings_of(parameters, state.config)
+    state.take_settings(config, at_once(state.wanted, state.vehicle), state.margin)
+    _want_maps(state)
+    state.paths_changed = True
+
+
+def _want_maps(state: CycleState) -> None:
+    """Requests maps where the settings need others than the present ones."""
+    margin = margin_of(state.wanted, state.config.supervision)
+    other = margin != state.margin or need_maps(state.wanted, state.vehicle)
+    state.seen_obstacles.want(state.wanted if other else None, margin)
+
+
+def _stops_first(state: CycleState) -> bool:
+    """True while the flight brakes before maps for other settings, which bar its place, count."""
+    maps, flight = state.seen_obstacles.for_settings, state.routes.flight
+    volume = state.routes.limits.volume
+    if maps is None or maps.vehicle is None or flight is None or volume is None or flight.stopped:
+        return False
+    volume = replace(
+        volume, site=maps.site_maps.site, maps=maps.site_maps.maps, vehicle=maps.vehicle
+    )
+    if not flight.braked and not flight.is_barred_on(volume):
+        return False
+    flight.brake()
+    return True
+
+
+def _take_maps(state: CycleState, maps: NewMaps, now_s: float) -> None:
+    """Takes maps of the site with other obstacles, or for other settings: these are in force."""
+    if maps.vehicle is not None:
+        margin = maps.site_maps.site.margin
+        vehicle = at_once(state.wanted, maps.vehicle)
+        state.take_settings(state.config, vehicle, margin)
+        parameters = state.session.parameters
+        changed = {} if parameters is None else dict(parameters.changed)
+        state.reports.record("settings", now_s, changed=changed)
+        _want_maps(state)
+    state.routes.learn_maps(maps.site_maps, now_s)
     state.paths_changed = True
 
 

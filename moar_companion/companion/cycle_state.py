@@ -13,9 +13,10 @@ from ..mavlink.session import Session
 from ..mavlink.signing import Signing, link_signings
 from ..mavlink.telemetry import Telemetry
 from ..planner.adaptation import Adaptation
-from ..planner.site import Site
+from ..planner.site import Margin, Site
 from ..risk import RiskEstimate
 from ..settings.config import CompanionConfig
+from ..settings.flight_parameters import FlightParameters
 from ..settings.perception_config import Sensor
 from ..settings.vehicle import Vehicle
 from ..texts.text_format import distance
@@ -84,6 +85,8 @@ class Faults:
 class CycleState:
     """The parts, and what the cycle itself keeps. before: memory of the previous process.
 
+    parameters: values that ground stations may change; config and vehicle have them.
+
     Before the maps of a site are taken there is none: telemetry and risk only.
     """
 
@@ -94,9 +97,14 @@ class CycleState:
         *,
         before: MissionSnapshot | None = None,
         signing: Signing | None = None,
+        parameters: FlightParameters | None = None,
     ) -> None:
         self.config = config
+        """With the settings in force."""
         self.vehicle = vehicle
+        """With the settings in force."""
+        self.wanted = vehicle
+        """The vehicle with all settings; other maps are requested where it is another one."""
         self.margin = margin_of(vehicle, config.supervision)
         self.session = Session(
             links=config.session_links,
@@ -105,6 +113,7 @@ class CycleState:
             commands=config.commands,
             signing=link_signings(config.links, signing),
             obstacles=config.perception.sensor is Sensor.MAVLINK,
+            parameters=parameters,
         )
         self.reports = Reports(self.session)
         self.start_report = StartReport(before)
@@ -144,6 +153,16 @@ class CycleState:
         self.followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
         self.risk_due_s = self.report_due_s = -math.inf
+
+    def take_settings(self, config: CompanionConfig, vehicle: Vehicle, margin: Margin) -> None:
+        """Takes the settings that are in force from now on, in all parts."""
+        self.config, self.vehicle, self.margin = config, vehicle, margin
+        limits = config.supervision
+        self.risk_monitor.take_vehicle(vehicle)
+        self.safety_monitor.take_settings(limits, vehicle.guidance.off_path_m)
+        self.routes.take_settings(vehicle, config, margin)
+        self.refuge.take_settings(vehicle, limits)
+        self.setpoints.take_settings(vehicle, limits, margin)
 
     @property
     def telemetry(self) -> Telemetry:

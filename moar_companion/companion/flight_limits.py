@@ -52,6 +52,13 @@ class FlightLimits:
         """Autopilot failsafes."""
         self.offboard_loss = OffboardLossCheck(vehicle, config.supervision, reports)
 
+    def take_settings(self, vehicle: Vehicle, config: CompanionConfig) -> None:
+        """Takes the settings in force."""
+        self._vehicle, self._config = vehicle, config
+        self._fences.take_margin(config.supervision.fence_margin_m)
+        self.watch.take_settings(config.supervision, PowerModel.of(vehicle))
+        self.offboard_loss.take_vehicle(vehicle)
+
     @property
     def not_ready_reason(self) -> str | None:
         """Reason why no mission can start; None once offboard-loss action and fence are known."""

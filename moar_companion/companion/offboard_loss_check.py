@@ -53,6 +53,10 @@ class OffboardLossCheck:
         self.objection: str | None = None
         """Reason against the current flight or hold, by changes since it was planned."""
 
+    def take_vehicle(self, vehicle: Vehicle) -> None:
+        """Takes the vehicle with the settings in force."""
+        self._vehicle = vehicle
+
     def learn(
         self,
         kind: AutopilotKind,

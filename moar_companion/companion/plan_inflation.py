@@ -69,9 +69,7 @@ class PlanInflation:
     """Keeps the obstacle inflation, and that at which no path was found."""
 
     def __init__(self, vehicle: Vehicle, limits: Supervision, margin: Margin) -> None:
-        self._vehicle = vehicle
-        self._limit_m = limits.position_uncertainty_limit_m
-        self._margin = margin
+        self.take_settings(vehicle, limits, margin)
         self._uncertainty_m: float | None = None
         self.needed_m = 0.0
         """Required obstacle inflation by position uncertainty, beyond keep-outs."""
@@ -81,6 +79,12 @@ class PlanInflation:
         time."""
         self._not_found: tuple[float, str] | None = None
         """Obstacle inflation at which no path was found, and the reason."""
+
+    def take_settings(self, vehicle: Vehicle, limits: Supervision, margin: Margin) -> None:
+        """Takes the settings in force."""
+        self._vehicle = vehicle
+        self._limit_m = limits.position_uncertainty_limit_m
+        self._margin = margin
 
     @property
     def lasting_m(self) -> float:

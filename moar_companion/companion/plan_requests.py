@@ -17,6 +17,7 @@ from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
 from ..planner.site import PlanePoint
 from ..settings.config import Replanning
+from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts
 from ..texts.text_format import seconds
 from ..types import RiskIndices
@@ -31,7 +32,7 @@ _ANSWER_TIMEOUT_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanBasis:
-    """Risks, limits and maps that a plan is made for; of most a change is a reason for the next.
+    """Inputs that a plan is made for; a change of most of them is a reason for the next.
 
     widening_m: inflation of obstacles. narrowed_m: part of the margin that an escape route may
     give up.
@@ -43,6 +44,7 @@ class PlanBasis:
     fence: PlaneFence | None = None
     failsafes: Failsafes = NO_FAILSAFES
     site_maps: SiteMaps | None = None
+    vehicle: Vehicle | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

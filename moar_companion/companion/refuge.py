@@ -89,9 +89,7 @@ class Refuge:
     def __init__(
         self, vehicle: Vehicle, limits: Supervision, risk_monitor: RiskMonitor, reports: Reports
     ) -> None:
-        self._vehicle = vehicle
-        self._limit_m = limits.position_uncertainty_limit_m
-        self._power = PowerModel.of(vehicle)
+        self.take_settings(vehicle, limits)
         self._risk_monitor = risk_monitor
         self._reports = reports
         self._due_s = -math.inf
@@ -113,6 +111,12 @@ class Refuge:
         """Text for the autopilot's action without a position that would hit an obstacle here."""
         self.battery_landing: str | None = None
         """Text for a battery's action that comes before the escape route is clear of it."""
+
+    def take_settings(self, vehicle: Vehicle, limits: Supervision) -> None:
+        """Takes the settings in force."""
+        self._vehicle = vehicle
+        self._limit_m = limits.position_uncertainty_limit_m
+        self._power = PowerModel.of(vehicle)
 
     def look(
         self,

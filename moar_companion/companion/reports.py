@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ..mavlink.commands import Command, CommandResult, holds, result_words, stops
+from ..mavlink.component.parameter_server import ParameterRefused
 from ..mavlink.component.path_mission import MissionRefused
 from ..mavlink.identity import AutopilotConflict
 from ..mavlink.own_ids import ComponentConflict
@@ -97,6 +98,9 @@ class Reports:
                 detail = f"{host}:{port} on {link}; commands.systems"
                 text = pilot_texts.SYSTEM_MAY_NOT(id=system_id, detail=detail)
                 self.send_text(Severity.NOTICE, text, now_s, action="not served")
+            case ParameterRefused(reason=reason):
+                text = pilot_texts.PARAMETER_REFUSED(refused=reason)
+                self.send_text(Severity.WARNING, text, now_s)
             case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
                 text = f"{reason} ({autopilot}, {other})"
                 self.send_text(Severity.ERROR, text, now_s, action="no control")
@@ -159,7 +163,8 @@ class PlanReports:
     """Keeps the risk indices of the active path, and the time of the last text about a move."""
 
     def __init__(self, vehicle: Vehicle, reports: Reports) -> None:
-        self._vehicle = vehicle
+        self.vehicle = vehicle
+        """With the settings in force."""
         self._reports = reports
         self._reported_s = -math.inf
         self._flown_risk = RiskIndices()
@@ -177,7 +182,7 @@ class PlanReports:
 
         flown: rest of the plan before it; None where that could not stay.
         """
-        adaptation = plan.request.adaptation or Adaptation.of(self._vehicle, plan.mission)
+        adaptation = plan.request.adaptation or Adaptation.of(self.vehicle, plan.mission)
         difference = None if flown is None else path_difference(flown, plan)
         self._reports.record(
             "plan",
@@ -210,7 +215,7 @@ class PlanReports:
 
     def report_narrow(self, plan: Plan, site: Site, now_s: float) -> None:
         """Reports the clearance of an escape route that keeps less than the margin."""
-        nearest = narrowest(site, self._vehicle, plan.waypoints.position_m)
+        nearest = narrowest(site, self.vehicle, plan.waypoints.position_m)
         if nearest is not None:
             name, clearance_m, needed_m = nearest
             reason = pilot_texts.NARROW(

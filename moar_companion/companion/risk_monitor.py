@@ -50,6 +50,12 @@ class RiskMonitor:
         """Takes the site of the contingency plans."""
         self.contingencies = ContingencyPlanner(site, self._vehicle, self._power)
 
+    def take_vehicle(self, vehicle: Vehicle) -> None:
+        """Takes the vehicle with the settings in force."""
+        self._vehicle, self._power = vehicle, PowerModel.of(vehicle)
+        if self.contingencies is not None:
+            self.contingencies.take_vehicle(vehicle, self._power)
+
     @property
     def energy_forecast(self) -> EnergySection | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""

@@ -68,6 +68,13 @@ class RouteManager:
         self._left: PathFollower | None = None
         """The last flight, if it ended on a landing leg."""
 
+    def take_settings(self, vehicle: Vehicle, config: CompanionConfig, margin: Margin) -> None:
+        """Takes the settings in force: the next plan is made with them."""
+        self._vehicle, self._config = vehicle, config
+        self._plan_reports.vehicle = vehicle
+        self.limits.take_settings(vehicle, config)
+        self.inflation.take_settings(vehicle, config.supervision, margin)
+
     @property
     def braked(self) -> bool:
         """True while the flight comes to rest, or stands, before its plan's end."""
@@ -180,6 +187,7 @@ class RouteManager:
             fence=self.limits.fence,
             failsafes=self.limits.watch.failsafes,
             site_maps=self.limits.site_maps,
+            vehicle=self._vehicle,
         )
         self._plans.ask(
             task,
@@ -268,9 +276,12 @@ class RouteManager:
         age_s = now_s - self._plans.asked_s
         reason: str | None
         known = self._plans.basis.site_maps is self.limits.site_maps
+        planned = self._plans.basis.vehicle
         seldom = age_s >= self._config.replanning.min_interval_s
         if (seldom or not known) and self.limits.obstacles_seen and flight.barred_by is not None:
-            reason = "an obstacle is seen in the path"
+            reason = "an obstacle bars the path"
+        elif seldom and planned is not None and planned is not self._vehicle:
+            reason = "settings were changed"
         elif seldom and not known:
             reason = "other obstacles are seen"
         elif flight.braked:

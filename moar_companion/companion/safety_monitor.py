@@ -23,7 +23,7 @@ class _Audience:
     """Ground stations on the links. lost_s: a station that is silent for longer has left."""
 
     def __init__(self, lost_s: float) -> None:
-        self._lost_s = lost_s
+        self.lost_s = lost_s
         self._received_s: dict[int, float] = {}
         self._due_s = math.inf
 
@@ -32,7 +32,7 @@ class _Audience:
         for received in stations:
             before_s = self._received_s.get(received.system_id, -math.inf)
             self._received_s[received.system_id] = received.received_s
-            if received.received_s - before_s > self._lost_s:
+            if received.received_s - before_s > self.lost_s:
                 self._due_s = now_s + _LISTENS_AFTER_S
         if now_s < self._due_s:
             return False
@@ -44,21 +44,25 @@ class SafetyMonitor:
     """Keeps the supervisor's state. off_path_m: the vehicle's."""
 
     def __init__(self, limits: Supervision, off_path_m: float, reports: Reports) -> None:
-        self._limits = limits
-        self._off_path_m = off_path_m
         self._reports = reports
-        self._table = conditions(limits)
         self._watches = supervisor.HEALTHY
         self._ruling = Ruling()
         self._recorded: dict[str, str] = {}
         self._reported: dict[str, bool] = {}
         """Names of the reported conditions; True if the mission reported one by its action."""
         self._audience = _Audience(limits.ground_link_lost_s)
+        self.take_settings(limits, off_path_m)
 
     @property
     def ruling(self) -> Ruling:
         """Ruling of the last cycle."""
         return self._ruling
+
+    def take_settings(self, limits: Supervision, off_path_m: float) -> None:
+        """Takes the settings in force."""
+        self._limits, self._off_path_m = limits, off_path_m
+        self._table = conditions(limits)
+        self._audience.lost_s = limits.ground_link_lost_s
 
     def rule(self, seen: CheckInputs, now_s: float) -> Ruling:
         """Judges the causes found now; returns the new ruling."""

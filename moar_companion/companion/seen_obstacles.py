@@ -1,8 +1,9 @@
 """Obstacles of the sensor: they join those of the site file, and new maps are requested.
 
-Inputs: reports of the perception, answers with maps, poses. Outputs: map jobs, notes of poses for
-the perception, texts for operators. A seen conductor near a conductor of the site file counts as
-the same one at another place: both places are avoided.
+Maps for changed settings are requested here, too: they have the same obstacles.
+Inputs: reports of the perception, answers with maps, poses, settings. Outputs: map jobs, notes of
+poses for the perception, texts for operators. A seen conductor near a conductor of the site file
+counts as the same one at another place: both places are avoided.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from typing import NamedTuple
 
 from ..mavlink.session import Severity
 from ..mavlink.telemetry import Proximity, Telemetry
@@ -20,13 +22,14 @@ from ..perception.perception_report import (
     SensorHealth,
 )
 from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote
-from ..planner.site import Conductor, Obstacle, Site
+from ..planner.site import Conductor, Margin, Obstacle, Site
 from ..settings.perception_config import Perception, Sensor
+from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts
 from ..texts.text_format import coordinate, distance
 from .estimation.pose import Jump
 from .estimation.pose_tracker import PoseTracker
-from .planning.map_jobs import MapAnswer, MapJob
+from .planning.map_jobs import MapAnswer, MapJob, SettingsJob
 from .planning.site_maps import SiteMaps
 from .reports import Reports
 
@@ -41,6 +44,13 @@ _NO_LINE = LineOffset()
 """Line without a sensor, or before its first report."""
 _MOST_NOTES = 200
 """Maximum number of kept notes: two seconds of poses."""
+
+
+class NewMaps(NamedTuple):
+    """Maps of an answer. vehicle: with the settings that they were made for; None: as before."""
+
+    site_maps: SiteMaps
+    vehicle: Vehicle | None
 
 
 class SeenObstacles:
@@ -67,6 +77,11 @@ class SeenObstacles:
         """Time of the first report that came while the job was pending."""
         self._unmapped_s: float | None = None
         """Time since which the maps lack an obstacle; None if they have all."""
+        self._wanted: Vehicle | None = None
+        """Vehicle with changed settings, for which maps are to be requested."""
+        self._wanted_margin = Margin()
+        self._rebuilt: SettingsJob | None = None
+        """The pending job, if it is for changed settings."""
         self._jobs: list[MapJob] = []
         self._answer: MapAnswer | None = None
         self._texts: list[tuple[Severity, str]] = []
@@ -81,6 +96,10 @@ class SeenObstacles:
     def take_site(self, site: Site) -> None:
         """Takes the site, as flown."""
         self._site = site
+
+    def want(self, vehicle: Vehicle | None, margin: Margin) -> None:
+        """Requests maps for changed settings, in a later cycle; None: the present maps suffice."""
+        self._wanted, self._wanted_margin = vehicle, margin
 
     @property
     def health(self) -> SensorHealth:
@@ -164,23 +183,40 @@ class SeenObstacles:
         """Time for which the maps have lacked an obstacle; None if they have all."""
         return None if self._unmapped_s is None else now_s - self._unmapped_s
 
-    def taken(self, now_s: float) -> SiteMaps | None:
+    @property
+    def for_settings(self) -> NewMaps | None:
+        """Maps for changed settings that `taken` returns next; None: no such maps."""
+        made = None if self._answer is None else self._answer.site_maps
+        if made is None or self._rebuilt is None:
+            return None
+        return NewMaps(made, self._rebuilt.vehicle)
+
+    def taken(self, now_s: float) -> NewMaps | None:
         """Returns the maps of an answer, once; reports their obstacles."""
         answer, self._answer = self._answer, None
         if answer is None:
             return None
         self._asked_s = None
+        rebuilt, self._rebuilt = self._rebuilt, None
         if answer.site_maps is None:
             self._seen = None
+            if rebuilt is not None:
+                text = pilot_texts.NO_NEW_MAPS()
+                self._reports.send_text(Severity.WARNING, text, now_s, action="flying on")
             return None
+        if rebuilt is not None and self._site is not None:
+            self._site = self._site.flown_with(rebuilt.site.margin)
         self._unmapped_s = None
         for severity, text in self._texts:
             self._reports.send_text(severity, text, now_s, action="avoided")
         self._texts.clear()
-        return answer.site_maps
+        return NewMaps(answer.site_maps, None if rebuilt is None else rebuilt.vehicle)
 
     def update(self, now_s: float, *, on_ground: bool) -> None:
-        """Requests maps when the obstacles differ from those of the last request."""
+        """Requests maps when settings or obstacles differ from those of the last request."""
+        if self._wanted is not None and self._site is not None and self._asked_s is None:
+            self._ask_for_settings(self._wanted, self._site.flown_with(self._wanted_margin), now_s)
+            return
         report, before = self.report, self._mapped_report
         if report is None or self._site is None or report is before:
             return
@@ -230,6 +266,17 @@ class SeenObstacles:
                 for each in report.solids
             ],
         )
+
+    def _ask_for_settings(self, vehicle: Vehicle, site: Site, now_s: float) -> None:
+        self._wanted, self._asked_s = None, now_s
+        self._job_id += 1
+        self._rebuilt = SettingsJob(
+            job_id=self._job_id,
+            site=site.with_more_obstacles((*self._before, *self._current)),
+            slack_m=self.settings.target_slack_m,
+            vehicle=vehicle,
+        )
+        self._jobs.append(self._rebuilt)
 
     def _placed(self, seen: SeenConductor) -> tuple[Obstacle, ...]:
         """Obstacle of a seen conductor; it keeps its place on the maps until it has moved."""

@@ -33,6 +33,13 @@ class SetpointRefusal(NamedTuple):
     rest: Setpoint | None
 
 
+class _Speeds(NamedTuple):
+    """Limits of a setpoint's speed, and of its move over to a path."""
+
+    greatest_mps: float
+    least_mps: float
+
+
 class SetpointStreamer:
     """Checks every setpoint, sends it, and keeps the last one.
 
@@ -49,13 +56,12 @@ class SetpointStreamer:
     ) -> None:
         self._sudden_m = sudden_m
         self._session = session
-        self._vehicle = vehicle
-        self._limits = limits
-        self._margin = margin
-        self._greatest_mps = max(astuple(vehicle.speed))
+        self._last: Setpoint | None = None
+        self._permitted = _Speeds(0.0, 0.0)
+        """Limits of the next setpoint: greater than the vehicle's while it slows down to these."""
+        self.take_settings(vehicle, limits, margin)
         self.widened_m = 0.0
         """Current inflation of obstacles."""
-        self._last: Setpoint | None = None
         self._last_ned_m: Vector = (0.0, 0.0, 0.0)
         """Position of the last setpoint in the autopilot's frame."""
         self._last_s = -math.inf
@@ -63,6 +69,13 @@ class SetpointStreamer:
         """Jump of the estimate since a setpoint last moved."""
         self._unsent_last: tuple[Setpoint, float] | None = None
         """Last setpoint at rest of a cycle whose output was not sent, and the cycle's time."""
+
+    def take_settings(self, vehicle: Vehicle, limits: Supervision, margin: Margin) -> None:
+        """Takes the settings in force; the present setpoint may be faster, and slows down."""
+        self._vehicle, self._limits, self._margin = vehicle, limits, margin
+        self._speeds = _Speeds(max(astuple(vehicle.speed)), vehicle.speed.min_mps)
+        before = self._speeds if self._last is None else self._permitted
+        self._permitted = _Speeds(*map(max, self._speeds, before))
 
     def send(
         self, setpoint: Setpoint, flight: PathFollower, plane: PlaneToLocal, now_s: float
@@ -185,8 +198,8 @@ class SetpointStreamer:
                 None if last is None else (before_m, last.velocity_mps),
                 (after_m, setpoint.velocity_mps),
                 now_s - self._last_s,
-                greatest_mps=self._greatest_mps,
-                least_mps=self._vehicle.speed.min_mps,
+                greatest_mps=self._permitted.greatest_mps,
+                least_mps=self._permitted.least_mps,
                 acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
                 drifting_at_m=drifting_at_m,
             )
@@ -208,6 +221,8 @@ class SetpointStreamer:
     ) -> None:
         """Sends SET_POSITION_TARGET_LOCAL_NED. place_ned_m: the setpoint's in the local frame."""
         self._last, self._last_s, self._last_ned_m = setpoint, now_s, place_ned_m
+        if math.hypot(*setpoint.velocity_mps) <= self._speeds.greatest_mps:
+            self._permitted = self._speeds
         if any(setpoint.velocity_mps):
             self._jumped_m = (0.0, 0.0, 0.0)
         self._session.send_setpoint(

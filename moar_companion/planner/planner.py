@@ -187,6 +187,12 @@ class Planner:
         self._build(site, self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
         self._solver.graph = self.graph
 
+    def set_vehicle(self, vehicle: Vehicle, site: Site) -> None:
+        """Sets another vehicle on the same site, with its margin: builds the maps, drops goals."""
+        self.vehicle = vehicle
+        self._build(site, self.maps.position_uncertainty_m, self.maps.fence, before=None)
+        self._solver.graph = self.graph
+
     def set_exposed(self, exposed: BoolArray) -> None:
         """Raises the cost of cells (nx, nz) from which a failsafe would hit an obstacle.
 

@@ -187,8 +187,10 @@ class Site:
         raise InputError(self.name, "targets", f"no target {name!r}; the site has: {known}")
 
     def flown_with(self, margin: Margin) -> Site:
-        """The site as it is flown: the margin is added to the keep-out of every obstacle."""
-        return replace(self, margin=margin).with_obstacles(self.obstacles)
+        """The site as it is flown: every keep-out has this margin, in place of the one before."""
+        more_m = margin.total_m - self.margin.total_m
+        obstacles = (replace(item, keep_out_m=item.keep_out_m + more_m) for item in self.obstacles)
+        return replace(self, margin=margin, obstacles=tuple(obstacles))
 
     def with_obstacles(self, obstacles: tuple[Obstacle, ...]) -> Site:
         """The site with other obstacles, as a file has them: the margin is added to each."""

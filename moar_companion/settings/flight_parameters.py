@@ -5,7 +5,8 @@ vehicle and the configuration with these values, checked as the files are; a tab
 `_GROUPS` names the keys; types, limits, defaults and descriptions are those of the files' models.
 
 In no file and so never set in flight: links, authority, senders that may command, signing, ids,
-files; the checks that end the stream by old or jumping data; the reactions to an offboard loss.
+files; the checks that end the stream by old or jumping data; the reactions to an offboard loss; the
+acceleration, by which the path that is flown brakes.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ _RANGE_ENDS = ("_R0", "_R1")
 _SECTIONS = ("setpoint_rate_hz", "replanning", "supervision")
 """Keys of the configuration that have parameters, or stand above some."""
 _DECIMALS = 3
+_KEY = re.compile(r"[a-z]\w+")
 _CLAUSE_END = re.compile(r"\.? *$|[;:] |\. (?=[A-Z])")
 
 
@@ -109,7 +111,6 @@ _GROUPS = (
         _VEHICLE,
         "guidance.",
         {
-            "GUID_ACCEL": "acceleration_mps2",
             "GUID_YAW_RATE": "yaw_rate_deg_per_s",
             "GUID_YAW_MODE": "yaw_mode",
             "GUID_YAW_FIXED": "fixed_yaw_deg",
@@ -337,10 +338,11 @@ class FlightParameters:
 
     def value(self, name: str) -> float:
         """Value of a parameter; KeyError for an unknown name."""
-        parameter = flight_parameters()[name]
-        return self.changed[name] if name in self.changed else self._in_file(parameter)
+        return self.changed[name] if name in self.changed else self.in_file(name)
 
-    def _in_file(self, parameter: FlightParameter) -> float:
+    def in_file(self, name: str) -> float:
+        """Value of a parameter in its file, or its default."""
+        parameter = flight_parameters()[name]
         value: Any = self.vehicle if parameter.file == _VEHICLE else self.service
         for part in parameter.keys:
             if isinstance(part, str) and part not in value:
@@ -360,16 +362,14 @@ class FlightParameters:
         if not math.isfinite(value) or (parameter.choices and parameter.to_file(given) == given):
             raise ParameterError(f"{name} is {given:g}, must be {parameter.allowed}")
         changed = {key: item for key, item in self.changed.items() if key != name}
-        if given != shortest(self._in_file(parameter)):
+        if given != shortest(self.in_file(name)):
             changed[name] = given
         made = replace(self, changed=changed)
         model: FileModel | list[FileFinding]
         model = (_vehicle_model if parameter.file == _VEHICLE else _service_model)(made)
         if isinstance(model, list):
             model.sort(key=lambda finding: finding.key != parameter.keys)
-            key, problem = model[0]
-            what = name if key == parameter.keys else f"{name} {given:g}: {dotted(key)}"
-            raise ParameterError(f"{what} {problem}")
+            raise ParameterError(_problem(parameter, given, model[0]))
         return made
 
     def with_stored(self, values: Mapping[str, float]) -> tuple[FlightParameters, list[str]]:
@@ -424,6 +424,24 @@ def _written(parameters: FlightParameters, file: _File) -> dict[str, Any]:
         if parameter.file == file:
             _put(content, parameter, value)
     return content
+
+
+def _problem(parameter: FlightParameter, value: float, finding: FileFinding) -> str:
+    """Text of a finding in the file after a value: `LIM_WIND is 200, must be at most 100`.
+
+    A finding of another key has what is allowed in parentheses. Keys are named as parameters.
+    """
+    names = {
+        row.keys[-1]: row.name
+        for row in flight_parameters().values()
+        if (row.file, row.keys[:-1]) == (parameter.file, finding.key[:-1])
+    }
+    problem = _KEY.sub(lambda word: names.get(word[0], word[0]), finding.problem)
+    problem = problem.replace("must be less than", "must be <").replace("greater than", ">")
+    if finding.key == parameter.keys:
+        return f"{parameter.name} {problem}"
+    key, (found, _, allowed) = finding.key[-1], problem.partition(", ")
+    return f"{parameter.name} is {value:g}, {names.get(key, key)} {found} ({allowed})"
 
 
 def _config_of(model: FileModel) -> CompanionConfig:

@@ -15,6 +15,20 @@ _DENIED, _REJECTED = ("denied",), ("rejected",)
 _STAYS = ("denied", "holding", "path kept")
 _NO_ESCAPE = ("denied", "holding", "path kept", "no exit", "no evacuation")
 
+# Settings in flight
+
+PARAMETER_REFUSED = PilotText(
+    pattern="{refused}",
+    meaning="a parameter of the companion was not set: its value, and what is allowed",
+    remedy="set another value; [parameters](#parameters-of-the-companion)",
+)
+NO_NEW_MAPS = PilotText(
+    pattern="no maps for the new settings",
+    actions=("flying on",),
+    meaning="the planner has failed; distances and speeds stay as they were",
+    remedy="set the parameter again",
+)
+
 # The mission
 
 STATE = PilotText(

@@ -35,6 +35,10 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "way": ("fly SE", "descend"),
     "fault": ("disk full", "error 9999"),
     "refusal": ("unsigned", "wrong signature"),
+    "refused": (
+        "LIM_WIND is 200, must be at most 100",
+        "WGT_INSP_ENERGY is 0, must be at least 0",
+    ),
     "result": ("denied", "temporarily rejected"),
     "time": ("26 d", "99999 d"),
     "fraction": ("0.92", "1.00"),

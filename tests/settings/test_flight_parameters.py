@@ -123,33 +123,33 @@ def test_the_files_own_value_is_no_change() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "text"),
     [
-        ("LIM_WIND", 0.0, "LIM_WIND is 0.0, must be greater than 0"),
+        ("LIM_WIND", 0.0, "LIM_WIND is 0.0, must be > 0"),
         ("LIM_WIND", math.nan, "LIM_WIND is nan, must be 0 to 100"),
         ("LIM_WIND", -math.inf, "LIM_WIND is -inf, must be 0 to 100"),
         ("SETPOINT_RATE", 200.0, "SETPOINT_RATE is 200.0, must be at most 100"),
         ("ADAPTATION", 2.0, "ADAPTATION is 2, must be 0 (paper), 1 (calibrated)"),
         ("ADAPTATION", 0.5, "ADAPTATION is 0.5, must be 0 (paper), 1 (calibrated)"),
-        ("SAFE_D_MIN", 50.0, "SAFE_D_MIN is 50, must be less than d_max_m (3)"),
+        ("SAFE_D_MIN", 50.0, "SAFE_D_MIN is 50, must be < SAFE_D_MAX (3)"),
         (
             "SAFE_D_MAX",
             0.2,
-            "SAFE_D_MAX 0.2: safety.d_min_m is 1.2, must be less than d_max_m (0.2)",
+            "SAFE_D_MAX is 0.2, SAFE_D_MIN is 1.2 (must be < SAFE_D_MAX (0.2))",
         ),
         (
             "SPEED_MIN",
             20.0,
-            "SPEED_MIN 20: speed.horizontal_mps is 5, must be at least min_mps (20)",
+            "SPEED_MIN is 20, SPEED_HORIZONTAL is 5 (must be at least SPEED_MIN (20))",
         ),
         (
             "PLAN_PERIOD",
             0.2,
-            "PLAN_PERIOD 0.2: replanning.min_interval_s is 0.3, must be at most period_s (0.2)",
+            "PLAN_PERIOD is 0.2, PLAN_INTERVAL is 0.3 (must be at most PLAN_PERIOD (0.2))",
         ),
-        ("GUID_TRK_SLOW", 1.6, "GUID_TRK_SLOW is 1.6, must be less than tracking_hold_m (1.5)"),
+        ("GUID_TRK_SLOW", 1.6, "GUID_TRK_SLOW is 1.6, must be < GUID_TRK_HOLD (1.5)"),
         (
             "RISK_HDOP_R0",
             3.0,
-            "RISK_HDOP_R0 3: risk.hdop has two equal values, must differ",
+            "RISK_HDOP_R0 is 3, hdop has two equal values (must differ)",
         ),
     ],
 )
@@ -160,7 +160,7 @@ def test_a_value_that_a_file_may_not_have_is_refused(name: str, value: float, te
 def test_weights_are_not_all_0() -> None:
     some = PARAMETERS.with_value("WGT_EXIT_SAFETY", 0.0).with_value("WGT_EXIT_TIME", 0.0)
     assert _refusal("WGT_EXIT_ENERGY", 0.0, some) == (
-        "WGT_EXIT_ENERGY 0: weights.exit are all 0, must have a positive sum"
+        "WGT_EXIT_ENERGY is 0, exit are all 0 (must have a positive sum)"
     )
 
 
@@ -194,6 +194,6 @@ def test_of_stored_values_only_those_that_fail_are_dropped_with_a_text_each() ->
     made, texts = PARAMETERS.with_stored({"SAFE_D_MIN": 4.0, "LIM_WIND": 9.0, "OLD_NAME": 1.0})
     assert made.changed == {"LIM_WIND": 9.0}
     assert texts == [
-        "SAFE_D_MIN is 4, must be less than d_max_m (3)",
+        "SAFE_D_MIN is 4, must be < SAFE_D_MAX (3)",
         "OLD_NAME is no parameter",
     ]

@@ -122,7 +122,12 @@ class ExactReplay:
         self._vehicle = start.vehicle
         site_maps = None if start.site is None else self._site_maps(start.site)
         self._companion = Companion(
-            start.config, start.vehicle, site_maps, before=start.before, signing=signing
+            start.config,
+            start.vehicle,
+            site_maps,
+            before=start.before,
+            signing=signing,
+            parameters=start.parameters,
         )
 
     def _site_maps(self, site: Site) -> SiteMaps:

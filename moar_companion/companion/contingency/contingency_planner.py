@@ -128,6 +128,11 @@ class ContingencyPlanner:
         self.better: Mission | None = None
         """The escape route that takes less energy, or is active; None while there is none."""
 
+    def take_vehicle(self, vehicle: Vehicle, power: PowerModel) -> None:
+        """Takes the vehicle with the settings in force; the next routes are planned for it."""
+        self._vehicle, self._power = vehicle, power
+        self._in_wind = replace(vehicle, risk=self._in_wind.risk)
+
     def update(self, scene: ContingencyInputs, now_s: float) -> None:
         """Updates the remaining flight, and requests the next plan."""
         self._now_s = now_s

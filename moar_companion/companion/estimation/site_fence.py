@@ -53,6 +53,11 @@ class SiteFence:
         self.not_ready_reason: str | None = _UNREAD
         """Reason why no mission can start; None once the fence's place is known."""
 
+    def take_margin(self, margin_m: float) -> None:
+        """Takes another margin: the next `learn` places the fence by it."""
+        if margin_m != self._margin_m:
+            self._margin_m, self._reported = margin_m, ()
+
     @property
     def is_placed(self) -> bool:
         """True once a fence, or that there is none, was known with its place."""

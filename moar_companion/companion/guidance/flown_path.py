@@ -33,13 +33,15 @@ class FlownPath:
 
     volume: the flight volume, with the obstacle inflation of the active plan. legs: the checked
     legs near the path; the landing leg is the last. landing_corner: index of the trajectory's
-    point where the landing leg begins; None without one.
+    point where the landing leg begins; None without one. outdated: the plan was made with other
+    settings, as speeds.
     """
 
     volume: FlightVolume
     reference: Reference
     legs: tuple[CheckedLeg, ...] = ()
     landing_corner: int | None = None
+    outdated: bool = False
 
     @classmethod
     def at(cls, volume: FlightVolume, position_m: Vector) -> FlownPath:
@@ -202,7 +204,8 @@ class FlownPath:
     def on_maps(self, volume: FlightVolume) -> FlownPath:
         """Returns the same path on maps with other obstacles, its legs checked on these."""
         legs = tuple(volume.rechecked(leg, self.place_m) for leg in self.legs)
-        return replace(self.within(volume), legs=legs)
+        outdated = self.outdated or volume.vehicle != self.volume.vehicle
+        return replace(self.within(volume), legs=legs, outdated=outdated)
 
     def barred_m(self) -> float | None:
         """Distance along the trajectory of the first place ahead that the maps bar; None: none.
@@ -302,8 +305,8 @@ class FlownPath:
     ) -> FlownPath | None:
         """Returns the path that changes to a plan at its junction; None: it is too late.
 
-        Returns the path itself if it continues by the plan's points already. reach, narrowed_m: as
-        in `FlightVolume`.
+        Returns the path itself if it continues by the plan's points already, and is not outdated.
+        reach, narrowed_m: as in `FlightVolume`.
         """
         reference, volume = self.reference, self.volume.widened(reach, narrowed_m)
         if junction.trajectory is not reference.trajectory:
@@ -319,7 +322,8 @@ class FlownPath:
                 return None
             moved = Reference.start(volume.trajectory(points), self.place_m)
         else:
-            joined_m, kept = junction.joined_m, narrowed_m <= self.volume.narrowed_m
+            joined_m = junction.joined_m
+            kept = not self.outdated and narrowed_m <= self.volume.narrowed_m
             if kept and reach == self.volume.reach and junction.is_followed_by(points):
                 return self
             stop_m = reference.stopping_m(self._acceleration_mps2)

@@ -19,6 +19,7 @@ from ...planner.free_distance import FreeDistance
 from ...planner.plan_values import Plan
 from ...planner.plane_fence import PlaneFence
 from ...planner.site import PlanePoint
+from ...settings.vehicle import Vehicle
 from ...status_values import PathSection, SetpointEntry
 from ...texts import pilot_texts
 from ...texts.text_format import distance
@@ -46,7 +47,6 @@ class PathFollower:
 
     def __init__(self, volume: FlightVolume, pose: Pose) -> None:
         """Sets the setpoint to the aircraft's pose."""
-        self._vehicle = volume.vehicle
         self._path = FlownPath.at(volume, pose.position_m)
         self._plan: Plan | None = None
         self._drift = WindLeash()
@@ -67,6 +67,10 @@ class PathFollower:
     @property
     def _volume(self) -> FlightVolume:
         return self._path.volume
+
+    @property
+    def _vehicle(self) -> Vehicle:
+        return self._volume.vehicle
 
     @property
     def arrived(self) -> bool:
@@ -176,7 +180,7 @@ class PathFollower:
         self._path = self._path.within(replace(self._volume, fence=fence))
 
     def learn_maps(self, volume: FlightVolume) -> None:
-        """Takes a flight volume with other obstacles, and caps the speed by them.
+        """Takes a flight volume with other obstacles or settings, and caps the speed by them.
 
         The active plan's inflation counts no longer: the gate has the present one.
         """
@@ -190,6 +194,13 @@ class PathFollower:
             return None
         x_m, _, z_m = vector(self._reference.trajectory.at(barred_m)[0])
         return self._volume.maps.reach.nearest((x_m, z_m))
+
+    def is_barred_on(self, volume: FlightVolume) -> bool:
+        """True if other maps bar a place nearer than the stopping distance."""
+        path = self._path.on_maps(volume.widened(None, self._volume.narrowed_m))
+        barred_m = path.barred_m()
+        stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
+        return barred_m is not None and barred_m <= stop_m
 
     def avoid(self) -> None:
         """Brakes before a barred place where the next plan could not begin before it.
@@ -277,13 +288,14 @@ class PathFollower:
         """Rest of the active plan, as an answer to the newer plan's request.
 
         None where the active plan must not stay: its goal differs, its path is not free any more,
-        or the flight volume has changed. reach: as in `adopt`.
+        or the flight volume or the settings have changed. reach: as in `adopt`.
         """
         plan = self._plan
         if (
             plan is None
             or junction.trajectory is not self._reference.trajectory
             or reach != self._volume.reach
+            or self._path.outdated
             or self._path.leaves_fence() is not None
             or (plan.mission, plan.request.target) != (newer.mission, newer.request.target)
         ):

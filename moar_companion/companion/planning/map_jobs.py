@@ -1,4 +1,4 @@
-"""Map jobs: maps of a site whose obstacles have changed in flight, made in the planner's thread.
+"""Map jobs: maps of a site whose obstacles or settings have changed, made in the planner's thread.
 
 A job leaves the machine as a value, and its answer enters the machine as another, as for plan jobs.
 """
@@ -12,6 +12,7 @@ import numpy as np
 from ...planner.escape import pocket
 from ...planner.maps import Maps
 from ...planner.site import Site, Target
+from ...settings.vehicle import Vehicle
 from .planner_set import PlannerSet
 from .site_maps import SiteMaps
 
@@ -32,6 +33,13 @@ class MapJob:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SettingsJob(MapJob):
+    """A map job with other settings: the vehicle is another one, the site has its margin."""
+
+    vehicle: Vehicle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MapAnswer:
     """The maps of a job; None: the planner has failed. Targets of the site may have moved."""
 
@@ -42,7 +50,7 @@ class MapAnswer:
 def answer_map_job(planners: PlannerSet, job: MapJob) -> MapAnswer:
     """Makes the maps; from now on the planners use them."""
     site = job.site
-    planners.set_site(site)
+    planners.set_site(site, job.vehicle if isinstance(job, SettingsJob) else None)
     maps = planners.exact.maps
     targets = tuple(_moved(target, maps, job.slack_m) for target in site.targets)
     if targets != site.targets:

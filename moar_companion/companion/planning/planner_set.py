@@ -15,6 +15,7 @@ from ...planner.maps import Maps
 from ...planner.plane_fence import PlaneFence
 from ...planner.planner import Planner
 from ...planner.site import Site
+from ...settings.vehicle import Vehicle
 from ..safety.failsafe_paths import exposed_places
 
 _MOST = 4
@@ -44,9 +45,15 @@ class PlannerSet:
     def _mark(self, planner: Planner) -> None:
         planner.set_exposed(exposed_cells(planner.maps, self._failsafes))
 
-    def set_site(self, site: Site) -> None:
-        """Sets the same site with other obstacles or targets, in all planners."""
-        self.exact.set_site(site)
+    def set_site(self, site: Site, vehicle: Vehicle | None = None) -> None:
+        """Sets the same site with other obstacles, targets or margin, in all planners.
+
+        vehicle: another one; None: the present one.
+        """
+        if vehicle is None:
+            self.exact.set_site(site)
+        else:
+            self.exact.set_vehicle(vehicle, site)
         self._others.clear()
         if self._failsafes.actions:
             self._mark(self.exact)

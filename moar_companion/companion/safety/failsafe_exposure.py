@@ -81,6 +81,10 @@ class FailsafeExposure:
         self.failsafes = NO_FAILSAFES
         """Failsafes that move the aircraft; RC loss counts only once RC was received."""
 
+    def take_settings(self, limits: Supervision, power: PowerModel) -> None:
+        """Takes the settings in force."""
+        self._limits, self._power = limits, power
+
     def learn(
         self,
         kind: AutopilotKind,

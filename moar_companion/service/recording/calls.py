@@ -23,6 +23,7 @@ from ...mavlink.signing import Signing
 from ...perception.perception_report import PerceptionReport
 from ...planner.site import Site
 from ...settings.config import CompanionConfig
+from ...settings.flight_parameters import FlightParameters
 from ...settings.vehicle import Vehicle
 from .answers import answer_encoded
 from .value_codec import decoded, encoded
@@ -80,6 +81,7 @@ class Start:
     wall_s: float = 0.0
     kept: Mapping[str, int] = field(default_factory=dict)
     references: Mapping[str, int] = field(default_factory=dict)
+    parameters: FlightParameters | None = None
 
 
 class RecordedCompanion(Companion):
@@ -93,8 +95,11 @@ class RecordedCompanion(Companion):
         *,
         before: MissionSnapshot | None = None,
         signing: Signing | None = None,
+        parameters: FlightParameters | None = None,
     ) -> None:
-        super().__init__(config, vehicle, site_maps, before=before, signing=signing)
+        super().__init__(
+            config, vehicle, site_maps, before=before, signing=signing, parameters=parameters
+        )
         self._within = False
         """True within a logged call; the calls inside it are not logged."""
         start = Start(
@@ -106,6 +111,7 @@ class RecordedCompanion(Companion):
             wall_s=0.0 if signing is None else signing.wall_s,
             kept={} if signing is None else dict(signing.kept),
             references={} if signing is None else dict(signing.references),
+            parameters=parameters,
         )
         self._calls = [Call(method=START, arguments=(start,))]
 

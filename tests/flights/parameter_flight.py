@@ -1,0 +1,64 @@
+"""A flight in lockstep whose settings a ground station changes by parameters."""
+
+from __future__ import annotations
+
+from moar_companion.companion.mission_snapshot import MissionSnapshot
+from moar_companion.companion.planning.site_maps import SiteMaps
+from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.dialect import create
+from moar_companion.service.recording.calls import RecordedCompanion
+from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.flight_parameters import FlightParameters, flight_parameters
+from moar_companion.settings.vehicle import Vehicle, VehicleFile
+
+from ..packets import decoded
+from .lockstep import Lockstep, as_simulated
+from .operator import Manner
+
+REAL32, INT32 = 9, 6
+
+
+class ParameterFlight(Lockstep):
+    """The flight, and the ground station's packets of the parameter protocol."""
+
+    def __init__(self, *, vehicle="x500", manner=Manner.PX4, **options) -> None:
+        file = VehicleFile.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
+        flown = as_simulated(Vehicle.of(file), manner)
+        changed = {"autopilot": flown.autopilot, "risk": flown.risk}
+        self.vehicle_file = file.model_copy(update=changed)
+        self.station = Codec(system_id=255, component_id=190)
+        super().__init__(vehicle=Vehicle.of(self.vehicle_file), manner=manner, **options)
+
+    def new_companion(self, before: MissionSnapshot | None = None) -> RecordedCompanion:
+        return RecordedCompanion(
+            self.config,
+            self.vehicle,
+            SiteMaps(site=self.flown_site, maps=self.planner.maps),
+            before=before,
+            parameters=FlightParameters.of(self.vehicle_file, self.config),
+        )
+
+    def set(self, **values: float) -> None:
+        """The ground station sets parameters, each by its name, in this order."""
+        for name, value in values.items():
+            integer = flight_parameters()[name].is_integer
+            bytewise = integer and self.operator.manner is Manner.PX4
+            sent = value * 2.0**-149 if bytewise else value  # a small integer by its bytes
+            message = create(
+                "PARAM_SET",
+                target_system=1,
+                target_component=195,
+                param_id=name.encode(),
+                param_value=sent,
+                param_type=INT32 if integer else REAL32,
+            )
+            self.handle(self.station.encode(message))
+
+    def sent(self, kind: str) -> list:
+        """Messages of a kind that the companion has sent."""
+        packets = [decoded(packet) for _, packet in self.to_autopilot]
+        return [message for message in packets if message.get_type() == kind]
+
+    def noted(self, kind: str) -> list[dict]:
+        """Data of the decisions of a kind."""
+        return [item.data for item in self.decisions if item.kind == kind]

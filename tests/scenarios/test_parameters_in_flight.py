@@ -1,0 +1,158 @@
+"""Parameters that a ground station sets in flight: what counts at once, and what with new maps."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+
+import pytest
+
+from moar_companion.analysis.replay.exact import ExactReplay
+from moar_companion.companion.planning.map_jobs import MapAnswer, SettingsJob
+from moar_companion.service.recording.calls import call_encoded
+from moar_companion.types import Mission
+
+from ..copies import flown_once
+from ..flights.operator import EXIT, INSPECTION
+from ..flights.parameter_flight import ParameterFlight
+
+
+@flown_once
+def flying(mission=INSPECTION, seconds=2.0):
+    flight = ParameterFlight()
+    flight.start_in_the_air()
+    flight.begin(mission, 0 if mission == INSPECTION else -1)
+    flight.run(seconds)
+    return flight
+
+
+def speed_mps(flight):
+    message = flight.setpoints[-1].message
+    return math.hypot(message.vx, message.vy, message.vz)
+
+
+def greatest_change_mps(flight, since_s):
+    """Greatest change of velocity from one setpoint to the next."""
+    sent = [item.message for item in flight.setpoints if item.time_s >= since_s]
+    velocities = [(item.vx, item.vy, item.vz) for item in sent]
+    return max(itertools.starmap(math.dist, itertools.pairwise(velocities)))
+
+
+def test_weights_and_limits_count_at_once():
+    flight = flying()
+    flight.set(WGT_INSP_SAFETY=9.0, LIM_WIND=8.0, PLAN_PERIOD=5.0, LIM_GCS_ACTION=2.0)
+    flight.run(1.0)
+    state = flight.companion.state
+    assert state.vehicle.weights[Mission.INSPECTION].safety > 0.9
+    assert state.routes.flight.adaptation.base.safety > 0.9, "the plan after it has the weights"
+    assert state.config.supervision.wind_limit_mps == 8.0
+    assert flight.noted("settings") == [], "no maps are made for these"
+    assert "settings were changed" in [item["reason"] for item in flight.noted("replan")]
+    assert flight.state == "flying"
+
+
+def test_a_limit_that_was_lowered_below_the_wind_holds_the_flight():
+    flight = flying()
+    flight.autopilot.conditions.wind_mps = 6.0
+    flight.run(5.0)
+    assert flight.state == "flying"
+    flight.set(LIM_WIND=3.0)
+    flight.run_until_state("holding", 5.0)
+    assert "wind" in [item["name"] for item in flight.noted("condition")]
+
+
+def test_distances_make_new_maps_while_the_flight_goes_on():
+    flight = flying()
+    before = flight.companion.state.site
+    flight.plan_delay_s = 2.0
+    flight.set(SAFE_D_MAX=5.0, SAFE_D_MIN=2.5)
+    flight.run(1.5)
+    assert flight.companion.state.vehicle.safety.d_max_m == 3.0, "until the maps are made"
+    assert flight.state == "flying"
+    assert speed_mps(flight) > 0.1
+    flight.run(4.0)
+    assert flight.companion.state.vehicle.safety.d_max_m == 5.0
+    assert flight.companion.state.vehicle.safety.d_min_m == 2.5
+    assert flight.companion.state.site == before
+    assert flight.planner.vehicle.safety.d_max_m == 5.0
+    assert flight.state == "flying"
+
+
+def test_lower_speeds_slow_the_flight_down_without_a_jump():
+    flight = flying(EXIT, 4.0)
+    assert speed_mps(flight) > 0.9
+    began_s = flight.now_s
+    slow = dict.fromkeys(("SPEED_UP", "SPEED_DOWN", "SPEED_DIAG_UP", "SPEED_DIAG_DOWN"), 0.5)
+    flight.set(SPEED_MIN=0.2, SPEED_HORIZONTAL=0.5, **slow)
+    flight.run(3.0)
+    assert speed_mps(flight) <= 0.7
+    braked_mps = 2.0 * flight.vehicle.guidance.acceleration_mps2 * 0.02
+    assert greatest_change_mps(flight, began_s) <= braked_mps + 0.01
+    assert flight.state in {"flying", "landing_leg"}
+
+
+def test_a_margin_that_bars_its_place_brakes_and_holds():
+    flight = flying()
+    began_s, speed = flight.now_s, speed_mps(flight)
+    assert speed > 0.4
+    flight.set(SAFE_TRK_MARGIN=6.0)
+    flight.run_until_state("holding", 3.0)
+    flight.run(3.0)
+    assert flight.state == "holding"
+    assert speed_mps(flight) == 0.0
+    assert greatest_change_mps(flight, began_s) < 0.1
+    assert any("margin" in item["reason"] for item in flight.noted("text"))
+    flight.set(SAFE_TRK_MARGIN=-1.0)
+    flight.run(0.5)
+    flight.operator.mission(INSPECTION, 0)
+    flight.run_until_state("flying", 3.0)
+
+
+def test_a_planner_that_fails_leaves_the_settings_of_the_maps():
+    flight = flying()
+    flight.planning = False
+    flight.set(SAFE_D_MAX=5.0)
+    flight.run(0.2)
+    job = next(job for call in flight.calls if call.method == "map_jobs" for job in call.result)
+    flight.companion.maps_answered(MapAnswer(job_id=job.job_id, site_maps=None))
+    flight.planning = True
+    flight.run(1.0)
+    assert flight.companion.state.vehicle.safety.d_max_m == 3.0
+    assert any("no maps" in item["reason"] for item in flight.noted("text"))
+    assert flight.state == "flying"
+
+
+def test_what_a_parameter_may_not_be_changes_nothing_and_is_told():
+    flight = flying()
+    before = flight.companion.parameters
+    flight.set(SAFE_D_MIN=9.0)
+    flight.run(0.5)
+    assert flight.companion.parameters is before
+    assert [message.error for message in flight.sent("PARAM_ERROR")] == [2]
+    texts = [item["text"] for item in flight.noted("text")]
+    assert "MOAR: SAFE_D_MIN is 9, must be < SAFE_D_MAX" in texts
+
+
+def test_what_was_set_is_on_record():
+    flight = flying()
+    flight.set(LIM_WIND=8.0, SAFE_RADIUS=0.5)
+    flight.run(1.0)
+    assert flight.noted("parameter") == [
+        {"name": "LIM_WIND", "value": 8.0, "before": 15.0, "sender": 255},
+        {"name": "SAFE_RADIUS", "value": 0.5, "before": 0.38, "sender": 255},
+    ]
+    assert flight.noted("settings") == [{"changed": {"LIM_WIND": 8.0, "SAFE_RADIUS": 0.5}}]
+    jobs = [job for call in flight.calls if call.method == "map_jobs" for job in call.result]
+    assert [job.vehicle.radius_m for job in jobs if isinstance(job, SettingsJob)] == [0.5]
+
+
+@pytest.mark.slow
+def test_a_flight_with_changed_parameters_is_repeated_exactly():
+    flight = flying()
+    flight.set(SAFE_D_MAX=5.0, WGT_INSP_SAFETY=2.0, SPEED_HORIZONTAL=2.0, LIM_WIND=300.0)
+    flight.run(4.0)
+    replay = ExactReplay()
+    calls = [json.loads(json.dumps(call_encoded(call), allow_nan=False)) for call in flight.calls]
+    assert [item for call in calls for item in replay.feed(call)] == []
+    assert replay.compared["map job"] >= 1
