@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..mavlink.signing import Signing
     from ..planner.planner import Planner
     from ..planner.site import Site
-    from ..settings.vehicle import Vehicle
+    from ..settings.vehicle import Vehicle, VehicleFile
 
 _PERIOD_S = 0.02
 _STYLES = ("green", "cyan", "yellow", "bold red")
@@ -71,16 +71,20 @@ def run(arguments: argparse.Namespace) -> int:
     from ..companion.preflight.findings import Level, worst  # noqa: PLC0415
 
     errors: list[InputError] = []
-    config, vehicle, site, signing = _read(arguments, errors)
-    if errors or config is None or vehicle is None:
+    config, file, site, signing = _read(arguments, errors)
+    if errors or config is None or file is None:
         _report("Files", _unusable(errors))
         first, more = errors[0], len(errors) - 1
         print_text(f"NO-GO: {_counted(len(errors), 'finding')}\n")
         problem = first.problem + (f" (and {more} more)" if more else "")
         raise InputError(first.source, first.key, problem)
+    from ..service.stored_parameters import start_settings  # noqa: PLC0415
     from .service_check import service_findings  # noqa: PLC0415
 
-    found = service_findings(config, vehicle, site, ports=not arguments.files)
+    named = arguments.vehicle is not None
+    settings = start_settings(config, file, vehicle_named=named, put_aside=False)
+    config, vehicle = settings.config, settings.vehicle
+    found = service_findings(settings, site, ports=not arguments.files)
     _report("Files", found)
     planner = None if site is None else _planner(site, vehicle, config)
     if planner is not None:
@@ -112,12 +116,12 @@ def _aircraft(
 
 def _read(
     arguments: argparse.Namespace, errors: list[InputError]
-) -> tuple[CompanionConfig | None, Vehicle | None, Site | None, Signing | None]:
+) -> tuple[CompanionConfig | None, VehicleFile | None, Site | None, Signing | None]:
     """Reads each file separately, so that all errors are reported at once."""
     if arguments.files and arguments.connect:
         raise InputError("--files", "", "opens no link, must be given without --connect")
     from ..planner.site import Site  # noqa: PLC0415
-    from ..settings.vehicle import Vehicle  # noqa: PLC0415
+    from ..settings.vehicle import VehicleFile  # noqa: PLC0415
 
     config = _tried(partial(merged, arguments), errors)
     vehicle_file, site_file = arguments.vehicle, arguments.site
@@ -129,9 +133,9 @@ def _read(
         _tried(partial(read_broker, config.mqtt, names), errors)
         _tried(partial(read_order_key, config.mqtt, str(config.file)), errors)
         vehicle_file, site_file = config.vehicle, config.site
-    vehicle = None if vehicle_file is None else _tried(partial(Vehicle.load, vehicle_file), errors)
+    file = None if vehicle_file is None else _tried(partial(VehicleFile.load, vehicle_file), errors)
     site = None if site_file is None else _tried(partial(Site.load, site_file), errors)
-    return config, vehicle, site, signing
+    return config, file, site, signing
 
 
 def _tried(load: Callable[[], Value], errors: list[InputError]) -> Value | None:

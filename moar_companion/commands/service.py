@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     config = configured(arguments)
     from ..service.app import run_service  # noqa: PLC0415
 
-    return run_service(config)
+    return run_service(config, vehicle_named=arguments.vehicle is not None)
 
 
 def configured(arguments: argparse.Namespace) -> CompanionConfig:

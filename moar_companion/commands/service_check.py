@@ -14,6 +14,7 @@ from ..mavlink.urls import parse_url
 from ..planner.site import Site
 from ..service.directories import Directory, recorder_folder, state_folder, view_socket
 from ..service.perception_process import tried
+from ..service.stored_parameters import StartSettings
 from ..settings.config import Authority, CompanionConfig
 from ..settings.link_config import KeySource, LinkRole
 from ..settings.mqtt_config import Mqtt, broker_address
@@ -32,10 +33,9 @@ _LONGEST_SOCKET_PATH = 107
 """Longest path in Linux's sun_path, in bytes."""
 
 
-def service_findings(
-    config: CompanionConfig, vehicle: Vehicle, site: Site | None, *, ports: bool
-) -> list[Finding]:
+def service_findings(settings: StartSettings, site: Site | None, *, ports: bool) -> list[Finding]:
     """Returns the findings. ports: True tries the port of its sensor, too."""
+    config, vehicle = settings.config, settings.vehicle
     never = config.authority is Authority.OBSERVE
     found = [
         Finding(
@@ -74,6 +74,7 @@ def service_findings(
         _mqtt(config.mqtt),
         _perception(config, vehicle, ports=ports),
     ]
+    found += _parameters(settings)
     if config.signing != KeySource() and not any(link.signed for link in config.links):
         found.append(
             Finding(
@@ -115,6 +116,15 @@ def _serial_lines(config: CompanionConfig) -> Iterator[Finding]:
                 f"{setpoints:.0f}, all else up to {_OTHER_BYTES_PER_S:.0f}",
                 remedy="use a higher baud rate, on the autopilot's port, too",
             )
+
+
+def _parameters(settings: StartSettings) -> list[Finding]:
+    """Findings on settings that were set in flight: a line each."""
+    notes = [Finding(level=Level.NOTE, subject="parameter", text=text) for text in settings.notes]
+    warnings = (
+        Finding(level=Level.WARNING, subject="parameter", text=text) for text in settings.problems
+    )
+    return [*notes, *warnings]
 
 
 def _mqtt(settings: Mqtt) -> Finding:

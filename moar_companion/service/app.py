@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..companion.companion import Companion
-from ..companion.error_margin import flown_site, sighted
+from ..companion.error_margin import flown_site
 from ..companion.intake import Arrival
 from ..companion.planning.map_jobs import MapAnswer
 from ..companion.planning.site_maps import SiteMaps
@@ -38,13 +38,14 @@ from ..planner.planner import Planner
 from ..planner.site import Site
 from ..settings.config import CompanionConfig
 from ..settings.mqtt_config import ORDER_LINK
-from ..settings.vehicle import Vehicle
+from ..settings.vehicle import VehicleFile
 from ..texts import service_texts
 from .host_monitor import HostMonitor
 from .log import AutopilotLog, log_to_stderr
 from .optional_parts import (
     companion_class,
     open_mqtt,
+    open_parameters,
     open_perception,
     open_recorder,
     open_signing,
@@ -55,6 +56,7 @@ from .planner_worker import PlannerWorker, Work
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas, release_descriptions
+from .stored_parameters import start_settings
 from .systemd import Watchdog, notify
 
 if TYPE_CHECKING:
@@ -64,6 +66,7 @@ if TYPE_CHECKING:
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
     from .snapshot_file import SnapshotFile
+    from .stored_parameters import ParameterFile
 
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""
@@ -84,31 +87,44 @@ _CLOCK_SET_S = 0.5
 _logger = logging.getLogger(__name__)
 
 
-def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
+def run_service(config: CompanionConfig, *, vehicle_named: bool = False, speed: float = 1.0) -> int:
     """Runs until SIGTERM or SIGINT; returns the exit status.
 
+    vehicle_named: the command line names the vehicle file, above what was set in flight.
     speed: seconds of the companion's clock per real second; other than 1 only with a simulator.
     Raises InputError for files that cannot be used, LinkError for links that cannot be opened.
     """
-    vehicle = Vehicle.load(config.vehicle)
-    site = None
-    if config.site is not None:
-        site = flown_site(Site.load(config.site), vehicle, config.supervision)
-        vehicle = sighted(vehicle, config)
+    file = VehicleFile.load(config.vehicle)
+    site = None if config.site is None else Site.load(config.site)
+    settings = start_settings(config, file, vehicle_named=vehicle_named)
+    config, vehicle = settings.config, settings.vehicle
+    if site is not None:
+        site = flown_site(site, vehicle, config.supervision)
     limit_arenas()
     release_descriptions()
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
+        settings.log()
         memory = open_snapshot(config, stack)
+        stored = open_parameters(config, settings, stack)
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
         signing, clock = open_signing(config, time.time(), stack)
-        companion = companion_class(config)(config, vehicle, None, before=before, signing=signing)
+        companion = companion_class(config)(
+            config,
+            vehicle,
+            None,
+            before=before,
+            signing=signing,
+            parameters=settings.parameters,
+        )
         make_planner = None
         if site is not None:
             make_planner = partial(Planner, site, vehicle, clock=time.perf_counter)
         perception = open_perception(config, site, speed)
-        service = Service(config, companion, make_planner, memory, clock, perception, speed=speed)
+        service = Service(
+            config, companion, make_planner, memory, clock, perception, stored, speed=speed
+        )
         asyncio.run(service.run())
     return 0
 
@@ -129,6 +145,7 @@ class Service:
         memory: SnapshotFile | None,
         signing_clock: SigningClock | None = None,
         perception: PerceptionProcess | None = None,
+        stored: ParameterFile | None = None,
         *,
         speed: float = 1.0,
     ) -> None:
@@ -140,6 +157,8 @@ class Service:
         self._remembered = companion.memory
         self._signing_clock = signing_clock
         self._perception = perception
+        self._stored = stored
+        self._kept = companion.parameters
         self._speed = speed
         self._watchdog = Watchdog()
         self._latest = LatestDecisions()
@@ -233,7 +252,6 @@ class Service:
 
     async def _cycle_loop(self, host: HostMonitor) -> None:
         """Runs one cycle and sends per setpoint period, by deadlines that do not drift."""
-        period_s = 1.0 / self._config.setpoint_rate_hz
         due_s = host_due_s = self._now_s()
         while True:
             now_s = self._now_s()
@@ -247,8 +265,8 @@ class Service:
                 self._worker.plan_contingency(job)
             if self._perception is not None:
                 self._perception.send(self._companion.pose_notes())
-                for map_job in self._companion.map_jobs():
-                    self._worker.make_maps(map_job)
+            for map_job in self._companion.map_jobs():
+                self._worker.make_maps(map_job)
             if self._send(now_s):
                 self._watchdog.feed(now_s / self._speed)
             self._remember(now_s)
@@ -268,6 +286,7 @@ class Service:
                     self._signing_clock.keep(
                         self._companion.signing.timestamps, self._companion.signing.references
                     )
+            period_s = 1.0 / self._companion.setpoint_rate_hz
             due_s += period_s
             if due_s <= now_s:
                 # After a stall no packet is sent twice to catch up.
@@ -355,6 +374,10 @@ class Service:
         if self._memory is not None and memory is not None and memory != self._remembered:
             self._remembered = memory
             self._memory.save(memory, time.time() - now_s)
+        parameters = self._companion.parameters
+        if self._stored is not None and parameters is not None and parameters is not self._kept:
+            self._kept = parameters
+            self._stored.keep(parameters.changed)
 
     @property
     def _recorder_folder(self) -> Path | None:
@@ -363,6 +386,7 @@ class Service:
     def _file_faults(self) -> tuple[FileFault, ...]:
         """Faults of the files that the service writes."""
         faults = () if self._memory is None else self._memory.faults
+        faults += () if self._stored is None else self._stored.faults
         ended = None if self._recorder is None else self._recorder.ended
         if ended is None:
             return faults

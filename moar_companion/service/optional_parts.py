@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
     from .snapshot_file import SnapshotFile
+    from .stored_parameters import ParameterFile, StartSettings
 
 _logger = logging.getLogger(__name__)
 
@@ -46,6 +47,20 @@ def open_snapshot(config: CompanionConfig, stack: contextlib.ExitStack) -> Snaps
         raise folder.unwritable(error) from error
     stack.callback(snapshot.close)
     return snapshot
+
+
+def open_parameters(
+    config: CompanionConfig, settings: StartSettings, stack: contextlib.ExitStack
+) -> ParameterFile | None:
+    """Opens the file of the parameters until the stack ends; None without a directory."""
+    folder = state_folder(config)
+    if folder is None:
+        return None
+    from .stored_parameters import ParameterFile
+
+    file = ParameterFile(folder.path, settings)
+    stack.callback(file.close)
+    return file
 
 
 def open_signing(

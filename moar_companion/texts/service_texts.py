@@ -60,6 +60,31 @@ STATE_UNUSABLE = PilotText(
     meaning="the state file is damaged, or of another version",
     remedy="order anew",
 )
+PARAMETERS_UNREADABLE = PilotText(
+    pattern="parameter file unreadable",
+    actions=("files count", "over"),
+    meaning="what was set in flight before the start cannot be read: the files' settings count",
+    remedy="correct the file's rights, and restart; or set the parameters again",
+)
+PARAMETERS_UNUSABLE = PilotText(
+    pattern="parameter file unusable",
+    actions=("files count", "over"),
+    meaning="that file is damaged, or of another version: it is put aside",
+    remedy="set the parameters again",
+)
+STORED_INVALID = PilotText(
+    pattern="{count} stored parameter{plural} not valid",
+    actions=("dropped", "over"),
+    meaning="values that were set in flight are not permitted beside the files any more: the log "
+    "has each",
+    remedy="set them again",
+)
+NO_PARAMETER_FILE = PilotText(
+    pattern="no parameter file: {fault}",
+    actions=("not kept", "over"),
+    meaning="parameters that are set now cannot be kept for the next start",
+    remedy="free or mount the disk",
+)
 RECORDING_ENDED = PilotText(
     pattern="recording ended: {fault}",
     actions=("flying on", "over"),
