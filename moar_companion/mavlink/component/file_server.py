@@ -38,8 +38,8 @@ _MOST_DATA_BYTES = _PAYLOAD_BYTES - _HEADER.size
 _AROUND_DATA_BYTES = OVERHEAD_BYTES + 3 + _HEADER.size
 """Bytes of a packet around the data: the frame, three of the target, the header."""
 _LEAST_DATA_BYTES = 80
-"""Size of a piece that pymavlink and MAVProxy ask for. They take a shorter one as a file that has
-changed, and end the download; so no link gets shorter pieces."""
+"""Size of a piece that pymavlink asks for. It takes a shorter one as a file that has changed, and
+ends the download; so no link gets shorter pieces."""
 
 _IDLE_S = 30.0
 """Time without a request after which an open file is closed: MAVSDK gives up after 10 s."""
@@ -104,6 +104,8 @@ def file_crc32(data: bytes) -> int:
 
 
 class _Request(NamedTuple):
+    """Request of a ground station."""
+
     sequence: int
     session: int
     opcode: int
@@ -114,6 +116,7 @@ class _Request(NamedTuple):
 
     @classmethod
     def of(cls, message: Message) -> _Request:
+        """The request in a FILE_TRANSFER_PROTOCOL."""
         payload = bytes(message.payload)
         sequence, session, opcode, size, _, _, _, offset = _HEADER.unpack_from(payload)
         data = payload[_HEADER.size : _HEADER.size + size]
@@ -131,6 +134,8 @@ class _Request(NamedTuple):
 
 
 class _Reply(NamedTuple):
+    """Reply to a request, or one packet of a burst. requested: opcode of the request."""
+
     sequence: int
     session: int
     opcode: Opcode
@@ -140,6 +145,7 @@ class _Reply(NamedTuple):
     burst_complete: bool = False
 
     def message(self, receiver: Sender) -> Message:
+        """FILE_TRANSFER_PROTOCOL to the sender of the request."""
         header = _HEADER.pack(
             self.sequence & 0xFFFF,
             self.session,
