@@ -67,7 +67,7 @@ Commands to component 195: [guide](guides/flight.md#orders). param2 of MAV_CMD_U
 
 What component 195 publishes, and sends on MAV_CMD_REQUEST_MESSAGE. MAV_CMD_SET_MESSAGE_INTERVAL
 sets an interval on the sender's link until the service ends. In brackets the interval on a serial
-line below 160,000 baud. A message that takes a serial line over 20 ms is not repeated there.
+line below 160,000 baud. A message that takes a serial line over 20 ms is not sent there.
 
 {published}
 

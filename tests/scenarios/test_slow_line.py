@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from ..flights.operator import INSPECTION
+from ..flights.operator import INSPECTION, Manner
 from ..flights.slow_line import BYTES_PER_S, SlowLine
 from .marks import BOTH
 
@@ -38,3 +38,36 @@ def test_battery_gps_and_position_come_in_time_and_no_setpoint_waits(manner):
     assert len(up.arrivals_s[SETPOINT]) == pytest.approx(50 * FLOWN_S, abs=2)
     assert sum(down.bytes.values()) < 0.75 * BYTES_PER_S * FLOWN_S
     assert sum(up.bytes.values()) < 0.85 * BYTES_PER_S * FLOWN_S
+
+
+@pytest.mark.slow
+def test_a_ground_station_that_asks_for_everything_delays_no_setpoint_by_a_cycle():
+    flight = SlowLine(manner=Manner.PX4, vehicle="x500")
+    flight.start_in_the_air()
+    flight.run(4.0)
+    flight.begin(INSPECTION)
+    flight.up.clear()
+    requests = [mavlink.MAVLink_mission_request_list_message(1, 195)]
+    requests += [mavlink.MAVLink_mission_request_int_message(1, 195, seq) for seq in range(5)]
+    requests += [
+        mavlink.MAVLink_command_long_message(1, 195, 512, 0, number, *[0] * 6)
+        for number in (0, 148, 251, 300, 332, 390, 397)
+    ]
+    requests.append(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 195, opening()))
+    for _ in range(5):
+        for request in requests:
+            flight.operator.send(request)
+        flight.run(1.0)
+    up, seconds = flight.up, 5.0
+    assert up.longest_gap_s(SETPOINT) < 0.035
+    assert max(up.waits_s[SETPOINT]) < 0.015
+    assert len(up.arrivals_s[SETPOINT]) == pytest.approx(50 * seconds, abs=2)
+    assert len(up.arrivals_s[mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT]) > 5
+    assert sum(up.bytes.values()) < 0.95 * BYTES_PER_S * seconds
+
+
+def opening():
+    """Payload of an FTP request that opens the general file."""
+    name = b"/general.json.xz"
+    header = [0, 0, 0, 4, len(name), 0, 0, 0, 0, 0, 0, 0]  # session 0, OpenFileRO
+    return (bytes(header) + name).ljust(251, b"\0")

@@ -44,6 +44,9 @@ _UPLOADS = frozenset(
 _MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 _TIMEOUT_S = 10.0
 """Silence after which a download has ended: ground stations repeat a request within 2 s."""
+_LATE_S = 2.0
+"""Time in which a second request of the list, before the first item or after the last one, may be a
+copy of the first: then it is answered with the same path."""
 _MOST_DOWNLOADS = 8
 """Limit of downloads at a time; beyond it the one silent longest ends."""
 _DEGREES = 1e7
@@ -68,6 +71,13 @@ class _Download:
 
     path: Path
     asked_s: float
+    between: bool = False
+    """True after the request of an item that is not the last."""
+
+    def is_under_way(self, now_s: float) -> bool:
+        """Returns True if a request of the list belongs to this download."""
+        silent_s = _TIMEOUT_S if self.between else _LATE_S
+        return bool(self.path) and now_s - self.asked_s <= silent_s
 
 
 class PathMission:
@@ -106,33 +116,36 @@ class PathMission:
             unsupported = mavlink.MAV_MISSION_UNSUPPORTED
             return [_acknowledgement(sender, unsupported, message.mission_type)]
         if message_id == _LIST:
-            return [_count(sender, self._download(sender, now_s).path)]
+            return [_count(sender, self._begun(sender, now_s).path)]
         return [self._item(message, sender, now_s)]
 
     def next_answer(self, _link: str, _most_bytes: int, _now_s: float) -> Message | None:
         """Nothing is sent unrequested."""
         return None
 
-    def _download(self, sender: Sender, now_s: float) -> _Download:
-        """The download of a ground station, begun where none is under way."""
+    def _begun(self, sender: Sender, now_s: float) -> _Download:
+        """The download of a ground station that requests the list."""
         download = self._downloads.pop(sender, None)
-        if download is None or now_s - download.asked_s > _TIMEOUT_S:
+        if download is None or not download.is_under_way(now_s):
             download = _Download(path=self._path, asked_s=now_s)
         if len(self._downloads) >= _MOST_DOWNLOADS:
             del self._downloads[next(iter(self._downloads))]
         self._downloads[sender] = download
-        download.asked_s = now_s
         return download
 
     def _item(self, message: Message, sender: Sender, now_s: float) -> Message:
         """MISSION_ITEM_INT; where none is under way the ground station has to begin again."""
-        under_way = self._downloads.get(sender)
-        if under_way is None or now_s - under_way.asked_s > _TIMEOUT_S:
+        download = self._downloads.get(sender)
+        if (
+            download is None
+            or now_s - download.asked_s > _TIMEOUT_S
+            or message.seq >= len(download.path)
+        ):
             return _acknowledgement(sender, mavlink.MAV_MISSION_INVALID_SEQUENCE)
-        path = self._download(sender, now_s).path
-        if message.seq >= len(path):
-            return _acknowledgement(sender, mavlink.MAV_MISSION_INVALID_SEQUENCE)
-        return _waypoint(sender, message.seq, path[message.seq])
+        self._downloads[sender] = self._downloads.pop(sender)
+        download.asked_s = now_s
+        download.between = message.seq < len(download.path) - 1
+        return _waypoint(sender, message.seq, download.path[message.seq])
 
     def _refusal(self, message: Message, sender: Sender, now_s: float) -> Message:
         """MISSION_ACK that denies a change; its text comes at most every two seconds."""

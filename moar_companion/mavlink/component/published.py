@@ -3,9 +3,9 @@
 In: the contents, as functions of the time; intervals that ground stations set. Out: messages that
 are due. An interval is kept by link, as both autopilots do, and until the process ends.
 
-A message whose packet is longer than one cycle of a serial line is not repeated there, since a
-setpoint behind it would come a cycle late; on request it is sent once. Values to plot come twice a
-second, on a slow line once: 13 of them take 390 of the 5,760 B/s at 57,600 baud.
+A message whose packet takes a serial line longer than one cycle is not sent there, since a setpoint
+behind it would come a cycle late. Values to plot come twice a second, on a slow line once: 13 of
+them take 390 of the 5,760 B/s at 57,600 baud.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from ...settings.link_config import LinkRole
 from ..dialect import Message, id_of, mavlink
-from .link_budget import OVERHEAD_BYTES, LinkBudget
+from .link_budget import OVERHEAD_BYTES, LinkBudget, size_bytes
 
 Content = Callable[[float], list[Message]]
 """Messages of one kind now, by the time in seconds; none while nothing is known."""
@@ -42,7 +42,7 @@ class Published:
     settable: bool = True
     """False where the interval is fixed."""
     to_autopilot: bool = True
-    """False where it is not repeated on a link to the autopilot, which would act on it."""
+    """False where it is not sent on a link to the autopilot, which would act on it."""
     asked_of_all: bool = True
     """False where a request to all components means the autopilot's own."""
 
@@ -136,35 +136,41 @@ class _Stream:
         self.waiting = content(now_s)[::-1]
 
 
-def _stream(row: Published, role: LinkRole, budget: LinkBudget) -> _Stream:
-    size_bytes = mavlink.mavlink_map[id_of(row.name)].unpacker.size + OVERHEAD_BYTES
-    fits = size_bytes <= budget.largest_bytes
-    possible = fits and (row.to_autopilot or role is LinkRole.OPERATOR)
-    slow = budget.bytes_per_s < _SLOW_BYTES_PER_S and row.slow_period_s is not None
-    default_s = row.slow_period_s if slow else row.period_s
-    return _Stream(default_s if possible else None, possible=possible)
-
-
 class PublishedMessages:
     """Contents of the published messages, and their streams on all links."""
 
     def __init__(self, links: Mapping[str, LinkRole], budgets: Mapping[str, LinkBudget]) -> None:
+        self._links, self._budgets = links, budgets
         self._contents: dict[str, Content] = {}
         self._streams = {
-            (link, row.name): _stream(row, role, budgets[link])
-            for link, role in links.items()
+            (link, row.name): self._stream(link, row)
+            for link in links
             for row in PUBLISHED.values()
             if row.settable
         }
+
+    def _stream(self, link: str, row: Published) -> _Stream:
+        budget = self._budgets[link]
+        size = mavlink.mavlink_map[id_of(row.name)].unpacker.size + OVERHEAD_BYTES
+        possible = size <= budget.largest_bytes and self._is_allowed(link, row)
+        slow = budget.bytes_per_s < _SLOW_BYTES_PER_S and row.slow_period_s is not None
+        default_s = row.slow_period_s if slow else row.period_s
+        return _Stream(default_s if possible else None, possible=possible)
+
+    def _is_allowed(self, link: str, row: Published) -> bool:
+        return row.to_autopilot or self._links[link] is LinkRole.OPERATOR
 
     def offer(self, name: str, content: Content) -> None:
         """Takes the content of a message from now on."""
         self._contents[name] = content
 
-    def messages(self, name: str, now_s: float) -> list[Message]:
-        """The messages of one kind now, for a request."""
-        content = self._contents.get(name)
-        return [] if content is None else content(now_s)
+    def requested(self, link: str, row: Published, now_s: float) -> list[Message] | None:
+        """The messages of one kind now; None where they are not sent on this link."""
+        content = self._contents.get(row.name)
+        messages = [] if content is None else content(now_s)
+        most_bytes = self._budgets[link].largest_bytes
+        fit = all(size_bytes(message) <= most_bytes for message in messages)
+        return messages if fit and self._is_allowed(link, row) else None
 
     def interval_s(self, link: str, name: str) -> float | None:
         """Interval of a message on a link; None: it is switched off."""

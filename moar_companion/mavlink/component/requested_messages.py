@@ -3,8 +3,9 @@
 MAV_CMD_REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, GET_MESSAGE_INTERVAL, and the deprecated
 REQUEST_PROTOCOL_VERSION and REQUEST_AUTOPILOT_CAPABILITIES; answers to TIMESYNC and PING.
 
-Results: UNSUPPORTED for a message that is not published, DENIED for a number that is none or an
-interval that is fixed, TEMPORARILY_REJECTED while nothing of it is known.
+Results: UNSUPPORTED for a message that is not published, DENIED for a number that is none, for an
+interval that is fixed, and where a message is not sent on the link, TEMPORARILY_REJECTED while
+nothing of it is known.
 Source: https://mavlink.io/en/messages/common.html, and the services' pages there.
 """
 
@@ -86,7 +87,9 @@ def result_of(command: MessageCommand, messages: PublishedMessages, now_s: float
         return _interval(command, asked, messages)
     if row is None:
         return CommandResult.UNSUPPORTED, []
-    answer = messages.messages(row.name, now_s)
+    answer = messages.requested(command.sender.link, row, now_s)
+    if answer is None:
+        return CommandResult.DENIED, []
     return (CommandResult.ACCEPTED if answer else CommandResult.TEMPORARILY_REJECTED), answer
 
 

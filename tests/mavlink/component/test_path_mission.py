@@ -107,6 +107,36 @@ def test_a_repeated_request_of_the_list_continues_its_download(server):
     assert (again.count, again.opaque_id) == (count.count, count.opaque_id)
 
 
+def test_a_station_that_asks_for_the_list_alone_soon_gets_the_present_path(server):
+    station = Station(server)
+    counts = []
+    for second in range(6):
+        server.offer(path_of(5 + second))
+        counts += [count.count for count in station.list()]
+        station.now_s += 1.0
+    assert counts == sorted(counts)
+    assert counts[-1] >= 8
+
+
+def test_a_path_that_begins_is_there_at_the_next_request():
+    served = PathMission()
+    station = Station(served)
+    assert station.list()[0].count == 0
+    served.offer(path_of(4))
+    assert station.list()[0].count == 4
+
+
+def test_a_download_without_an_acknowledgement_ends_two_seconds_after_its_last_item(server):
+    station = Station(server)
+    (count,) = station.list()
+    for seq in range(count.count):
+        station.item(seq)
+    server.offer(path_of(2))
+    assert station.list()[0].count == 5
+    station.now_s += 2.1
+    assert station.list()[0].count == 2
+
+
 def test_a_download_that_is_silent_ends_and_has_to_begin_again(server):
     station = Station(server)
     station.list()

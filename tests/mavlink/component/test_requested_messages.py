@@ -11,6 +11,7 @@ from moar_companion.mavlink.component.named_values import NAMED_VALUES
 from moar_companion.mavlink.component.published import PUBLISHED
 from moar_companion.mavlink.component.services import ComponentServices
 from moar_companion.mavlink.dialect import id_of, mavlink
+from moar_companion.mavlink.translate_outgoing import trajectory_messages
 from moar_companion.settings.link_config import LinkRole
 
 from ..peer import Peer
@@ -196,9 +197,28 @@ def test_who_may_not_command_sets_no_interval_but_may_ask(met):
     assert answered(met, stranger.command(GET_INTERVAL, INT))[0] == [ACCEPTED]
 
 
-def test_the_path_ahead_is_never_repeated_on_a_link_to_the_autopilot(met):
-    assert asked(met, SET_INTERVAL, AHEAD, 1e6, link="serial")[0] == [DENIED]
+def path_ahead(now_s):
+    return trajectory_messages([(1.0, 2.0, -3.0)], now_s)
+
+
+def test_the_path_ahead_is_never_sent_on_a_link_to_the_autopilot(met):
+    met.session.services.published.offer("TRAJECTORY_REPRESENTATION_WAYPOINTS", path_ahead)
+    for command in (SET_INTERVAL, REQUEST):
+        results, messages = asked(met, command, AHEAD, 1e6, link="serial")
+        assert results == [DENIED]
+        assert AHEAD not in {message.get_msgId() for message in messages}
     assert asked(met, SET_INTERVAL, AHEAD, 1e6)[0] == [ACCEPTED]
+    assert asked(met, REQUEST, AHEAD)[0] == [ACCEPTED]
+
+
+def test_a_message_that_delays_setpoints_is_not_sent_on_a_slow_line():
+    link = "serial:/dev/ttyTHS1:57600"
+    messages = ComponentServices({link: LinkRole.OPERATOR}, 195).published
+    for name in ("TRAJECTORY_REPRESENTATION_WAYPOINTS", "ONBOARD_COMPUTER_STATUS"):
+        messages.offer(name, path_ahead)
+        assert messages.requested(link, PUBLISHED[name], 0.0) is None
+    for name in ("AUTOPILOT_VERSION", "COMPONENT_METADATA", "COMPONENT_INFORMATION"):
+        assert messages.requested(link, PUBLISHED[name], 0.0)
 
 
 @pytest.mark.parametrize(("baud", "seconds"), [(57_600, None), (921_600, 1.0)])
