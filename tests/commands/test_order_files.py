@@ -308,6 +308,7 @@ def test_an_order_is_repeated_with_a_rising_confirmation_until_its_answer(mavpro
     mavproxy.passed(2.5)
     mavproxy.answer(mavlink.MAV_RESULT_ACCEPTED, command=193)  # of another command
     mavproxy.answer(mavlink.MAV_RESULT_ACCEPTED, component=AUTOPILOT)
+    mavproxy.receive(mavlink.MAVLink_command_ack_message(31010, 0, 0, 0, 245, 190))  # of another
     mavproxy.passed(1.0)
     assert [given[3] for given in mavproxy.sent] == [0, 1, 2, 3]
     assert len({given[:3] + given[4:] for given in mavproxy.sent}) == 1

@@ -10,8 +10,8 @@ With this file's folder on PYTHONPATH:
     moar takeover                   the autopilot's own hold: PX4 HOLD, ArduPilot BRAKE
 
 The orders go to the companion's component alone; MAVProxy's own commands go to the autopilot as
-before. Never `set target_component` to the companion's: `mode` then goes to the companion, and
-does not take over. `mode` of MAVProxy 1.8.75 fails with PX4: take over by `moar takeover`, or by
+before. Never `set target_component` to the companion's: `mode` then goes to the companion, which
+denies it and flies on. `mode` of MAVProxy 1.8.75 fails with PX4: take over by `moar takeover`, or by
 the sticks' mode switch.
 """
 
@@ -130,7 +130,7 @@ class MoarModule(mp_module.MPModule):
         kind = m.get_type()
         if kind == "HEARTBEAT" and m.autopilot in TAKEOVERS:
             self.autopilot = m.autopilot
-        elif kind == "COMMAND_ACK" and m.target_system == self.settings.source_system:
+        elif kind == "COMMAND_ACK":
             self.take_answer(m)
         elif (
             kind == "STATUSTEXT"
@@ -142,6 +142,9 @@ class MoarModule(mp_module.MPModule):
     def take_answer(self, ack):
         """Ends the wait for the answer, or prolongs it while the companion plans."""
         if self.waiting is None or (ack.get_srcComponent(), ack.command) != self.waiting[1:3]:
+            return
+        receiver = getattr(ack, "target_system", 0)  # MAVLink 1 has none
+        if receiver not in (0, self.settings.source_system):
             return
         if ack.result == mavutil.mavlink.MAV_RESULT_IN_PROGRESS:
             self.until_s = time.time() + TIMEOUT_S
