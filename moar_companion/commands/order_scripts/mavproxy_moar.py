@@ -11,8 +11,8 @@ With this file's folder on PYTHONPATH:
 
 The orders go to the companion's component alone; MAVProxy's own commands go to the autopilot as
 before. Never `set target_component` to the companion's: `mode` then goes to the companion, which
-denies it and flies on. `mode` of MAVProxy 1.8.75 fails with PX4: take over by `moar takeover`, or by
-the sticks' mode switch.
+denies it and flies on. `mode` of MAVProxy 1.8.75 fails with PX4: take over by `moar takeover`, or
+by the sticks' mode switch.
 """
 
 import time
