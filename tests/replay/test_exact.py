@@ -4,6 +4,7 @@ import json
 from unittest import mock
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.analysis.replay.exact import ExactReplay
 from moar_companion.companion.planning.map_jobs import MapJob
@@ -18,7 +19,8 @@ from ..flights.operator import INSPECTION
 from ..flights.test_lidar_on_board import SITE, hovering
 from ..mavlink.component.ftp_client import BURST, OPEN, request
 
-SETPOINT_ID, FILE_TRANSFER_ID = "540000", "6e0000"
+SETPOINT_ID, FILE_TRANSFER_ID, MISSION_ITEM_ID = "540000", "6e0000", "490000"
+SET_INTERVAL = 511
 
 
 def recorded(flight):
@@ -32,9 +34,16 @@ def calls():
     flight.companion.note_wall_clock(1.7e9)
     flight.begin(INSPECTION)
     flight.autopilot.conditions.wind_mps = 6.0
-    for asked in (request(1, OPEN, data=b"/general.json.xz"), request(3, BURST, size=239)):
+    for asked in (
+        request(1, OPEN, data=b"/general.json.xz"),
+        mavlink.MAVLink_mission_request_list_message(1, 195),
+        mavlink.MAVLink_command_long_message(1, 195, SET_INTERVAL, 0, 252, -1, *[0] * 5),
+    ):
         flight.operator.send(asked)
-        flight.run(1.0)
+    flight.run(1.0)
+    flight.operator.send(request(3, BURST, size=239))
+    flight.operator.send(mavlink.MAVLink_mission_request_int_message(1, 195, 1))
+    flight.run(1.0)
     return recorded(flight)
 
 
@@ -65,7 +74,7 @@ def test_planted_differences_are_named_with_both_values_and_there_are_no_others(
     job = results(calls, "contingency_jobs")[0][0]
     job["widening_m"] += 0.5
     sent_ids = {packet[1][14:20] for sent in results(calls, "data_to_send") for packet in sent}
-    assert FILE_TRANSFER_ID in sent_ids
+    assert {FILE_TRANSFER_ID, MISSION_ITEM_ID} <= sent_ids
     found, replay = differences(calls)
     assert replay.compared["packet"] > 500
     one, two, three, four = sorted(found, key=lambda item: item.what)
