@@ -6,7 +6,8 @@ the current item are refused with MISSION_ACK and a text.
 
 A path changes in flight, so a download is of the path at its first request, until it ends: a
 ground station that repeats a request never gets a mixture of two. Only what carries exactly the
-component's address is answered: a request to all components means the autopilot's mission.
+component's address is answered: a request to all components means the autopilot's mission, and
+QGroundControl takes answers of any component for the autopilot's (PlanManager.cc).
 
 Source: https://mavlink.io/en/services/mission.html (MISSION_REQUEST is answered with
 MISSION_ITEM_INT, as it requires).
