@@ -18,8 +18,8 @@ FOUND_WITHIN_S = 20.0
 
 
 @contextlib.asynccontextmanager
-async def pilot(port):
-    """A pilot whose ground station listens on a UDP port, with an aircraft found."""
+async def vehicle(port):
+    """The vehicle that a ground station of MAVSDK finds on a UDP port."""
     log_subscribe(lambda *_: True)
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     # As QGroundControl's; the operator beside the pilot has MAVSDK's default.
@@ -28,6 +28,13 @@ async def pilot(port):
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
         system = await mavsdk.first_autopilot(timeout_s=FOUND_WITHIN_S)
         assert system is not None, f"MAVSDK finds no autopilot on {port}"
+        yield system
+
+
+@contextlib.asynccontextmanager
+async def pilot(port):
+    """A pilot whose ground station listens on a UDP port, with an aircraft found."""
+    async with vehicle(port) as system:
         yield Pilot(system)
 
 

@@ -16,9 +16,8 @@ from pymavlink import mavparm, mavutil
 
 from moar_companion.settings.flight_parameters import flight_parameters
 
-from .pilot import FOUND_WITHIN_S
+from .pilot import FOUND_WITHIN_S, vehicle
 from .processes import companion_beside_autopilot
-from .test_files_of_the_service import vehicle
 
 COMPONENT = 195
 NAMES = list(flight_parameters())
