@@ -340,12 +340,14 @@ class LineEntry:
     """Place of the line by its wires. offset_m: (x, z), to be added to the autopilot's estimate.
 
     applied_m: the part of it with which the aircraft is flown. covariance_m2: of x, of x with z, of
-    z. wires: number that the last matching scan had, age_s ago.
+    z. heading_offset_rad: to be added to the autopilot's heading. wires: number that the last
+    matching scan had, age_s ago.
     """
 
     offset_m: tuple[float, float]
     applied_m: tuple[float, float]
     covariance_m2: tuple[float, float, float] | None
+    heading_offset_rad: float | None
     wires: int
     age_s: float | None
 

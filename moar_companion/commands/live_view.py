@@ -6,6 +6,7 @@ renderable that fits itself to the width and height it is drawn in, from 80 x 24
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timezone
@@ -339,13 +340,14 @@ def _perception(seen: Status) -> Text:
 
 
 def _line(line: Status) -> Text:
-    """Where the line shows that the aircraft is, beside the autopilot's estimate."""
+    """Where the line shows that the aircraft is, from the autopilot's estimate."""
     if line["age_s"] is None:
         return Text("not known by its wires", style="dim")
     x_m, z_m = line["offset_m"]
     x_m2, _, z_m2 = line["covariance_m2"]
-    words = Text(f"off {x_m:+.2f} m, up {z_m:+.2f} m; ")
-    words.append(f"known to {max(x_m2, z_m2) ** 0.5:.2f} m")
+    heading_deg = math.degrees(line["heading_offset_rad"])
+    words = Text(f"{x_m:+.2f} m, up {z_m:+.2f} m, heading {heading_deg:+.0f}°; ")
+    words.append(f"to {max(x_m2, z_m2) ** 0.5:.2f} m")
     return words.append(f" by {line['wires']} wires, {_duration(line['age_s'])} ago", "dim")
 
 

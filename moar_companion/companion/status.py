@@ -289,6 +289,7 @@ def _perception(state: CycleState, now_s: float) -> PerceptionSection | None:
             offset_m=line.offset_m,
             applied_m=state.pose_tracker.offset_m,
             covariance_m2=None if line.seen_s is None else line.covariance_m2,
+            heading_offset_rad=None if line.seen_s is None else line.turned_rad,
             wires=line.wires,
             age_s=None if line.seen_s is None else now_s - line.seen_s,
         ),

@@ -53,7 +53,7 @@ class LineOffset:
     seen_s: time of the last scan whose wires gave it, None while nothing is known of it; wires:
     their number. contradicted_s: time since which scans contradict it; None: they do not.
     turned_rad: angle, counterclockwise from above, by which the autopilot's heading turns what is
-    seen.
+    seen: added to that heading it gives the one by the line.
     """
 
     offset_m: PlanePoint = (0.0, 0.0)

@@ -122,6 +122,7 @@ SEEING = FLYING | {
             "age_s": 0.2,
             "offset_m": [1.21, -0.34],
             "covariance_m2": [0.01, 0.0, 0.02],
+            "heading_offset_rad": -0.2,
             "wires": 5,
         },
     },
@@ -363,9 +364,9 @@ def test_a_row_of_the_page_shows_the_sensor_if_there_is_one():
         "conductors": [{}, {}],
         "solids": 4,
         "line": {"offset_m": (0.412, -1.3), "covariance_m2": (0.0144, 0.0, 0.01), "wires": 5}
-        | {"age_s": 0.2},
+        | {"heading_offset_rad": 0.21, "age_s": 0.2},
     }
-    assert "off +0.41 m, up -1.30 m; known to 0.12 m by 5 wires, 0.2 s ago" in page(
+    assert "+0.41 m, up -1.30 m, heading +12°; to 0.12 m by 5 wires, 0.2 s ago" in page(
         FLYING | {"perception": seen}
     )
     unknown = seen | {"line": seen["line"] | {"age_s": None}}

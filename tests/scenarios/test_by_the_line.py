@@ -113,13 +113,28 @@ def flown(flight, state, within_s, each_step=lambda: None):
 
 
 @pytest.mark.parametrize(
-    ("manner", "towards_deg"),
-    [(Manner.PX4, 180.0), (Manner.PX4, 90.0), (Manner.ARDUPILOT, 0.0), (Manner.ARDUPILOT, 270.0)],
+    ("manner", "towards_deg", "turned_deg"),
+    [
+        (Manner.PX4, 180.0, 22.0),
+        (Manner.PX4, 90.0, 0.0),
+        (Manner.ARDUPILOT, 0.0, 0.0),
+        (Manner.ARDUPILOT, 270.0, -22.0),
+    ],
 )
-def test_an_estimate_that_drifts_by_4_5_m_costs_neither_room_nor_the_target(manner, towards_deg):
+def test_an_estimate_that_drifts_by_4_5_m_costs_neither_room_nor_the_target(
+    manner, towards_deg, turned_deg
+):
+    """With a heading that becomes wrong beside the line, too, by as much as no search covers."""
     flight = hovering(manner)
-    drift = Drift(flight, 0.3, towards_deg)
-    least_m, _ = flown(flight, "at_target", 60.0, drift.step)
+    drift, conditions = Drift(flight, 0.3, towards_deg), flight.autopilot.conditions
+
+    def each_step():
+        drift.step()
+        conditions.heading_error_deg += math.copysign(0.04, turned_deg) * (
+            abs(conditions.heading_error_deg) < abs(turned_deg)
+        )
+
+    least_m, _ = flown(flight, "at_target", 60.0, each_step)
     assert drift.off_m > 4.0
     flight.run(2.0)
     assert error_m(flight) < 0.3
