@@ -23,7 +23,6 @@ from .safety.uncertainty_growth import AHEAD_S
 
 _REPORT_MAX_AGE_S, _SEEN_S = 1.0, 1.0
 """Maximum ages of the perception's report, and of the last scan that showed the line."""
-_UNKNOWN_M = 99.0
 _DEVIATIONS = 2.0
 """Standard deviations of the offset that count: 95 % of each axis."""
 ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
@@ -61,10 +60,11 @@ def place_by_line(state: CycleState, now_s: float) -> PlaceByLine | None:
         return None
     line = report.line
     x_m2, _, z_m2 = line.covariance_m2
-    known_m = _DEVIATIONS * math.sqrt(max(x_m2, z_m2)) if line.seen_s is not None else _UNKNOWN_M
-    off_m = state.pose_tracker.lag_m(line) if line.seen_s is not None else 0.0
+    known_m = None if line.seen_s is None else _DEVIATIONS * math.sqrt(max(x_m2, z_m2))
+    off_m = 0.0 if known_m is None else state.pose_tracker.lag_m(line)
     if not line_is_seen(state, now_s):
-        off_m = max(off_m, min(known_m, math.hypot(*offset_m)))
+        whole_m = math.hypot(*offset_m)
+        off_m = max(off_m, whole_m if known_m is None else min(known_m, whole_m))
     return PlaceByLine(received_s=now_s, uncertainty_m=known_m, off_m=off_m, wires=line.wires)
 
 

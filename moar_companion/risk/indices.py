@@ -125,12 +125,7 @@ class RiskEstimate:
         """
         reported = self.last_known.get("localization", {})
         autopilot = self._autopilot_accuracies(reported)
-        if not self._known_now((BY_LINE,)):
-            return autopilot
-        by_line = reported[BY_LINE]
-        # Out of its sight the place by the line becomes less certain than the autopilot's.
-        worst_m = max((item.value or 0.0 for item in autopilot), default=math.inf)
-        return (by_line,) if (by_line.value or 0.0) < worst_m else autopilot
+        return (reported[BY_LINE],) if self._known_now((BY_LINE,)) else autopilot
 
     def _autopilot_accuracies(self, reported: Mapping[str, InputReport]) -> tuple[InputReport, ...]:
         level = _ESTIMATOR if self._known_now(_ESTIMATOR) else _LEVEL

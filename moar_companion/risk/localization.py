@@ -19,7 +19,13 @@ from typing import NamedTuple
 from ..mavlink.telemetry import LandedState, MagneticField, Odometry, Telemetry
 from ..settings.risk_model import RiskModel
 from .input_reports import YES_OR_NO, InputReport, certain, source_of
-from .receivers import Memories, ReceiverMemory, positive, receiver_inputs
+from .receivers import (
+    RECEIVER_ACCURACY,
+    Memories,
+    ReceiverMemory,
+    positive,
+    receiver_inputs,
+)
 
 _ESTIMATOR_MAX_AGE_S = 3.0
 """Maximum age of ESTIMATOR_STATUS (PX4: 1 Hz), EKF_STATUS_REPORT and ODOMETRY (5 Hz): 3 periods
@@ -53,11 +59,12 @@ become usual; not 0, as the earlier mean may be that of steel under a hover."""
 class PlaceByLine(NamedTuple):
     """Place that the line's wires show. received_s: of the report.
 
-    uncertainty_m: of the place. off_m: from there to the pose that is flown with, which follows it.
+    uncertainty_m: of the place; None while nothing is known of it. off_m: from there to the pose
+    that is flown with, which follows it.
     """
 
     received_s: float
-    uncertainty_m: float
+    uncertainty_m: float | None
     off_m: float
     wires: int
 
@@ -180,19 +187,26 @@ def inputs(
 ) -> tuple[InputReport, ...]:
     """Normalised inputs of the localization risk; `memory` includes this telemetry.
 
-    by_line: None without a sensor that sees the line.
+    by_line: None without a sensor that sees the line. While its place is better than the
+    autopilot's accuracy, the latter counts from the middle of its range on: near the end of that
+    the autopilot itself gives its position up.
     """
     estimator, odometry, resets = telemetry.estimator, telemetry.odometry, memory.resets
+    receivers = receiver_inputs(telemetry, memory.receivers, now_s, model)
+    better = by_line is not None and _is_better(by_line, telemetry, receivers)
+    level, height = model.horizontal_accuracy_m, model.vertical_accuracy_m
+    if better:
+        level, height = level.second_half, height.second_half
     magnetic, mean = telemetry.magnetic_field, memory.field_mean
     estimated = source_of(estimator, now_s, _ESTIMATOR_MAX_AGE_S)
     tracked = source_of(odometry, now_s, _ESTIMATOR_MAX_AGE_S)
     position = (
-        *receiver_inputs(telemetry, memory.receivers, now_s, model),
+        *receivers,
         estimated.input_report(
             ESTIMATOR_ACCURACY,
             None if estimator is None else positive(estimator.horizontal_accuracy_m),
             "m",
-            model.horizontal_accuracy_m.fraction,
+            level.fraction,
         ),
         estimated.input_report(
             "estimator without position",
@@ -213,25 +227,25 @@ def inputs(
             ODOMETRY_ACCURACY,
             None if odometry is None else positive(odometry.horizontal_accuracy_m),
             "m",
-            model.horizontal_accuracy_m.fraction,
+            level.fraction,
         ),
     )
     # A height, an estimator without resets and a steady field do not prove a position.
     alone = not any(report.known for report in position)
     return (
         *position,
-        *(() if by_line is None else _by_line(by_line, now_s, model)),
+        *(() if by_line is None else _by_line(by_line, now_s, model, counts=better)),
         estimated.input_report(
             ESTIMATOR_HEIGHT_ACCURACY,
             None if alone or estimator is None else positive(estimator.vertical_accuracy_m),
             "m",
-            model.vertical_accuracy_m.fraction,
+            height.fraction,
         ),
         tracked.input_report(
             ODOMETRY_HEIGHT_ACCURACY,
             None if alone or odometry is None else positive(odometry.vertical_accuracy_m),
             "m",
-            model.vertical_accuracy_m.fraction,
+            height.fraction,
         ),
         tracked.input_report(
             "position resets",
@@ -248,10 +262,30 @@ def inputs(
     )
 
 
-def _by_line(place: PlaceByLine, now_s: float, model: RiskModel) -> tuple[InputReport, ...]:
+def _is_better(
+    place: PlaceByLine, telemetry: Telemetry, receivers: tuple[InputReport, ...]
+) -> bool:
+    """True if the place by the line is known better than the autopilot's own.
+
+    The receiver's accuracy counts where the estimator reports none.
+    """
+    sources = [each for each in (telemetry.estimator, telemetry.odometry) if each is not None]
+    level = [positive(each.horizontal_accuracy_m) for each in sources]
+    if not any(level):
+        level = [each.value for each in receivers if each.name == RECEIVER_ACCURACY]
+    height = [positive(each.vertical_accuracy_m) for each in sources]
+    worst_m = max((each for each in (*level, *height) if each is not None), default=math.inf)
+    return place.uncertainty_m is not None and place.uncertainty_m < worst_m
+
+
+def _by_line(
+    place: PlaceByLine, now_s: float, model: RiskModel, *, counts: bool
+) -> tuple[InputReport, ...]:
+    """Reports of the place by the line; out of its sight the autopilot's is better again."""
     source, risk = source_of(place, now_s, _LINE_MAX_AGE_S), model.horizontal_accuracy_m.fraction
     wires = f"by {place.wires} wires"
+    known_m = place.uncertainty_m if counts else None
     return (
-        source.input_report(BY_LINE, place.uncertainty_m, "m", risk, remark=wires),
+        source.input_report(BY_LINE, known_m, "m", risk, applies=counts, remark=wires),
         source.input_report(OFF_LINE, place.off_m, "m", risk),
     )

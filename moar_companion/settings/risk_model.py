@@ -36,6 +36,11 @@ class Range:
         """Position of a value between the two ends: 0 at the first, 1 at the second."""
         return (value - self.low) / (self.high - self.low)
 
+    @property
+    def second_half(self) -> Range:
+        """The range from its middle on."""
+        return Range(low=0.5 * (self.low + self.high), high=self.high)
+
 
 class RadioKind(str, enum.Enum):
     """Firmware of a telemetry radio, by its use of RADIO_STATUS."""

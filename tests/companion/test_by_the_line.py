@@ -169,7 +169,7 @@ def test_the_record_has_the_offset_while_there_is_one():
 
 
 def test_the_status_has_the_offset_its_covariance_and_what_is_flown_with():
-    desk = by_line(Watched().run(2.0), *AHEAD_M).run(1.0)
+    desk = by_line(Watched().run(2.0), *AHEAD_M, turned_rad=-0.3).run(1.0)
     status = LatestDecisions().status_of(
         desk.companion, desk.now_s, clock_offset_s=0.0, recorder=None
     )
@@ -177,6 +177,7 @@ def test_the_status_has_the_offset_its_covariance_and_what_is_flown_with():
     assert tuple(line["offset_m"]) == AHEAD_M
     assert tuple(line["applied_m"]) == pytest.approx(AHEAD_M)
     assert line["covariance_m2"][0] == 0.01
+    assert line["heading_offset_rad"] == -0.3
     assert line["wires"] == 5
     assert line["age_s"] == pytest.approx(0.1, abs=0.1)
 
@@ -210,6 +211,44 @@ def test_out_of_sight_the_place_by_the_line_counts_until_the_autopilots_is_bette
         desk.line = replace(desk.line, covariance_m2=(deviation_m**2, 0.0, 0.01))
         desk.run(0.4)
         assert uncertainty_m(desk) == pytest.approx(expected_m, abs=0.02)
+
+
+def localization(desk):
+    """What the index tends to."""
+    return desk.companion.risk.report.localization.target
+
+
+@pytest.mark.parametrize(
+    ("accuracy_m", "alone", "with_line"), [(4.0, 0.75, 0.5), (4.95, 0.99, 0.975)]
+)
+def test_while_the_line_is_seen_an_accuracy_counts_where_the_autopilot_gives_up(
+    accuracy_m, alone, with_line
+):
+    """Its range is from 1 to 5 m; the autopilot drops its position at 5."""
+    desk = by_line(Watched(), 0.2, 0.0)
+    desk.set(accuracy_m=accuracy_m)
+    desk.run(2.0)
+    assert localization(desk) == pytest.approx(with_line, abs=0.02)
+    desk.sees_line = False
+    desk.line = replace(desk.line, seen_s=None)
+    desk.run(1.0)
+    assert localization(desk) == pytest.approx(alone, abs=0.02)
+
+
+def test_out_of_sight_the_place_by_the_line_is_no_risk_of_its_own():
+    """The pose is the autopilot's again, with the last offset: no worse than these two."""
+    desk = by_line(Watched(), 0.9, 0.0)
+    desk.set(accuracy_m=0.5)
+    desk.fly(2.0)
+    desk.sees_line = False
+    for deviation_m in (1.0, 2.9):
+        desk.line = replace(desk.line, covariance_m2=(deviation_m**2, 0.0, deviation_m**2))
+        desk.run(1.0)
+        assert localization(desk) < 0.1
+    desk.line = replace(desk.line, seen_s=None)
+    desk.run(1.0)
+    assert localization(desk) < 0.1
+    assert desk.state in {"flying", "at_target"}
 
 
 def test_the_way_to_the_lines_place_that_is_not_flown_yet_counts_too():
