@@ -384,7 +384,8 @@ class Status:
     """Status of the companion at one instant. time_s: wall clock, seconds since 1970.
 
     batteries: by id. refused: packets refused by signed link and reason. age_s: by source of
-    telemetry. recorder: folder of the record.
+    telemetry. parameters: values that were set above the files, by name. recorder: folder of the
+    record.
     """
 
     time_s: float
@@ -404,4 +405,5 @@ class Status:
     age_s: dict[str, float | None]
     perception: PerceptionSection | None
     host: HostSection
+    parameters: dict[str, float]
     recorder: str | None

@@ -36,6 +36,8 @@ _BAR_WIDTH, _SHORT_BAR_WIDTH = 20, 12
 """The short bar: risks on half a page, each beside its deciding input."""
 _HIGH, _VERY_HIGH = 0.5, 0.8
 """Risk indices from which a bar or a number is yellow, and red."""
+_MOST_SET = 3
+"""Parameters on one line of half a page."""
 _SILENT_S = 2.0
 """The service sends four statuses a second: after this it counts as silent."""
 STATE_STYLES = {
@@ -289,8 +291,17 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     shown = ages if full else {name: ages[name] for name in _VITAL}
     received_ago = [_age(name, age_s) for name, age_s in shown.items()]
     yield "data age, s", Columns(received_ago) if full else Text("  ").join(received_ago)
+    if full and status.get("parameters"):
+        yield "set", Text(_parameters(status["parameters"]))
     if status["recorder"] is not None:
         yield "record", Text(printable(status["recorder"]))
+
+
+def _parameters(values: Mapping[str, float]) -> str:
+    """Parameters that were set in flight; of many the first ones."""
+    shown = ", ".join(f"{name} {value:g}" for name, value in list(values.items())[:_MOST_SET])
+    more = len(values) - _MOST_SET
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _age(source: str, age_s: float | None) -> Text:

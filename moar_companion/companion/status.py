@@ -120,6 +120,7 @@ class LatestDecisions:
             age_s=_ages_s(telemetry, now_s),
             perception=_perception(state, now_s),
             host=_host(state.host),
+            parameters={} if companion.parameters is None else dict(companion.parameters.changed),
             recorder=None if recorder is None else str(recorder),
         )
         return json_dict(status)

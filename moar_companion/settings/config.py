@@ -213,8 +213,8 @@ class State:
 
     directory: Path | None = None
     """Folder of `mission.json`, from which a process that is started after a crash reads the
-    interrupted mission; none: the folder that systemd gives (`STATE_DIRECTORY`), without that no
-    state is kept."""
+    interrupted mission, and of `parameters.json`, with what was set in flight; none: the folder
+    that systemd gives (`STATE_DIRECTORY`), without that no state is kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

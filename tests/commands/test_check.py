@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import errno
+import json
 import os
 import socket
 from pathlib import Path
@@ -184,6 +185,21 @@ def test_files_alone_and_a_link_exclude_each_other(capsys):
     assert capsys.readouterr().err == (
         "moar-companion: --files: opens no link, must be given without --connect\n"
     )
+
+
+def test_what_was_set_in_flight_is_named_a_line_each(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    stored = {"LIM_WIND": 9.0, "SAFE_D_MAX": 4.0, "SAFE_D_MIN": 99.0}
+    file = tmp_path / "parameters.json"
+    file.write_text(json.dumps({"version": 1, "vehicles": {"LineDrone, as flown": stored}}))
+    assert check("--site", SITE) == 0
+    out, _ = capsys.readouterr()
+    assert "parameter: LIM_WIND 9, above the file's 15\n" in out
+    assert "parameter: SAFE_D_MAX 4, above the file's 3\n" in out
+    assert f"{file}: SAFE_D_MIN is 99, must be < SAFE_D_MAX (4), dropped" in out
+    check("--site", SITE, "--vehicle", CONFIGS / "vehicles" / "linedrone_flight.yaml")
+    out, _ = capsys.readouterr()
+    assert "SAFE_D_MAX 4 does not count: --vehicle is given" in out
 
 
 def test_without_any_option_the_check_reports_that_no_mission_is_flown(capsys):

@@ -110,6 +110,7 @@ UNKNOWN = {
 }
 SEEING = FLYING | {
     "refused": {"serial": {"unsigned": 3}},
+    "parameters": {"RISK_H_ACCUR_R0": 1.25, "GUID_LAND_HEIGHT": 2.5, "WGT_EVAC_SAFETY": 0.875},
     "perception": {
         "conductors": [{}] * 6,
         "solids": 2,
@@ -127,7 +128,7 @@ SEEING = FLYING | {
         },
     },
 }
-"""With a lidar and signed links: the most rows."""
+"""With a lidar, signed links and parameters that were set: the most rows."""
 
 
 @pytest.fixture(scope="module")
@@ -378,3 +379,10 @@ def test_a_row_of_the_page_shows_the_sensor_if_there_is_one():
     assert "packets with a wrong checksum" in refusal
     blind = page(FLYING | {"perception": seen | {"scan_age_s": None}})
     assert "no scan yet" in blind
+
+
+def test_what_was_set_in_flight_stands_on_the_page():
+    values = {"LIM_WIND": 9.0, "SAFE_D_MIN": 1.5, "SAFE_D_MAX": 4.0, "SPEED_UP": 1.0}
+    status = FLYING | {"parameters": values}
+    assert "LIM_WIND 9, SAFE_D_MIN 1.5, SAFE_D_MAX 4 and 1 more" in page(status, 80, 48)
+    assert "LIM_WIND" not in page(FLYING)

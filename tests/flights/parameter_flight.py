@@ -7,7 +7,7 @@ from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
 from moar_companion.service.recording.calls import RecordedCompanion
-from moar_companion.settings.config import shipped_configs
+from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.flight_parameters import FlightParameters, flight_parameters
 from moar_companion.settings.vehicle import Vehicle, VehicleFile
 
@@ -19,15 +19,24 @@ REAL32, INT32 = 9, 6
 
 
 class ParameterFlight(Lockstep):
-    """The flight, and the ground station's packets of the parameter protocol."""
+    """The flight, and the ground station's packets of the parameter protocol.
 
-    def __init__(self, *, vehicle="x500", manner=Manner.PX4, **options) -> None:
+    stored: values of the vehicle that were set before the start.
+    """
+
+    def __init__(self, *, vehicle="x500", manner=Manner.PX4, stored=None, **options) -> None:
         file = VehicleFile.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
         flown = as_simulated(Vehicle.of(file), manner)
         changed = {"autopilot": flown.autopilot, "risk": flown.risk}
         self.vehicle_file = file.model_copy(update=changed)
         self.station = Codec(system_id=255, component_id=190)
-        super().__init__(vehicle=Vehicle.of(self.vehicle_file), manner=manner, **options)
+        of_files = FlightParameters.of(
+            self.vehicle_file, CompanionConfig(vehicle=shipped_configs())
+        )
+        self.parameters, _ = of_files.with_stored(stored or {})
+        config, flown = self.parameters.apply(CompanionConfig(vehicle=shipped_configs()))
+        options.setdefault("supervision", config.supervision)
+        super().__init__(vehicle=flown, manner=manner, **options)
 
     def new_companion(self, before: MissionSnapshot | None = None) -> RecordedCompanion:
         return RecordedCompanion(
@@ -35,7 +44,7 @@ class ParameterFlight(Lockstep):
             self.vehicle,
             SiteMaps(site=self.flown_site, maps=self.planner.maps),
             before=before,
-            parameters=FlightParameters.of(self.vehicle_file, self.config),
+            parameters=self.parameters,
         )
 
     def set(self, **values: float) -> None:

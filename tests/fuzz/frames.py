@@ -11,6 +11,7 @@ from random import Random
 from typing import Any
 
 from moar_companion.mavlink.codec import checksum
+from moar_companion.settings.flight_parameters import flight_parameters
 
 FLOATS = (
     math.nan, math.inf, -math.inf, 0.0, -0.0, 1e-40, 1e9, -1e9, 3.4e38, -3.4e38, 1.0, -1.0, 195.0,
@@ -18,6 +19,7 @@ FLOATS = (
 _SIZES = {"B": 8, "b": 8, "H": 16, "h": 16, "I": 32, "i": 32, "Q": 64, "q": 64}
 _COMMANDS = (31010, 193, 176, 400, 511, 512, 20, 21, 22, 80, 92, 300)
 _MISSIONS = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, -1.0)
+_PARAMETERS = tuple(name.encode() for name in flight_parameters())
 OURS = 1, 195
 
 
@@ -76,6 +78,8 @@ def hostile_payload(pick: Random, shape: Shape, genuine: bytes | None, boot_s: f
     for name, ours in zip(("target_system", "target_component"), OURS, strict=True):
         if name in places and pick.random() < 0.8:
             values[places[name]] = ours
+    if "param_id" in places and pick.random() < 0.7:
+        values[places["param_id"]] = pick.choice(_PARAMETERS)
     if "command" in places and pick.random() < 0.8:
         values[places["command"]] = pick.choice(_COMMANDS)
         if "param1" in places and pick.random() < 0.7:

@@ -41,9 +41,10 @@ def greatest_change_mps(flight, since_s):
 
 def test_weights_and_limits_count_at_once():
     flight = flying()
-    flight.set(WGT_INSP_SAFETY=9.0, LIM_WIND=8.0, PLAN_PERIOD=5.0, LIM_GCS_ACTION=2.0)
+    flight.set(WGT_INSP_SAFETY=9.0, LIM_WIND=8.0, SETPOINT_RATE=25.0, LIM_GCS_ACTION=2.0)
     flight.run(1.0)
     state = flight.companion.state
+    assert flight.companion.setpoint_rate_hz == 25.0
     assert state.vehicle.weights[Mission.INSPECTION].safety > 0.9
     assert state.routes.flight.adaptation.base.safety > 0.9, "the plan after it has the weights"
     assert state.config.supervision.wind_limit_mps == 8.0
@@ -52,6 +53,7 @@ def test_weights_and_limits_count_at_once():
     assert flight.state == "flying"
 
 
+@pytest.mark.slow
 def test_a_limit_that_was_lowered_below_the_wind_holds_the_flight():
     flight = flying()
     flight.autopilot.conditions.wind_mps = 6.0
@@ -148,8 +150,11 @@ def test_what_was_set_is_on_record():
 
 
 @pytest.mark.slow
-def test_a_flight_with_changed_parameters_is_repeated_exactly():
-    flight = flying()
+def test_a_flight_with_parameters_of_before_and_of_now_is_repeated_exactly():
+    flight = ParameterFlight(stored={"SAFE_D_MAX": 4.0, "LIM_WIND": 12.0})
+    assert flight.vehicle.safety.d_max_m == 4.0
+    flight.start_in_the_air()
+    flight.begin(INSPECTION, 0)
     flight.set(SAFE_D_MAX=5.0, WGT_INSP_SAFETY=2.0, SPEED_HORIZONTAL=2.0, LIM_WIND=300.0)
     flight.run(4.0)
     replay = ExactReplay()
