@@ -95,11 +95,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_file(shown, "--qgc-plan", "write the paths as a mission of QGroundControl")
     add_file(shown, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
     shifted = parser.add_argument_group("shift (a site whose RTK base has moved)")
-    for option, direction in (("--north", "north"), ("--east", "east"), ("--up", "up")):
+    for direction in ("north", "east", "up"):
         shifted.add_argument(
-            option,
+            f"--{direction}",
             metavar="M",
-            type=_displacement(option),
+            type=_displacement(f"--{direction}"),
             default=0.0,
             help=f"how far the site moves {direction}, in m (default: 0)",
         )
