@@ -33,7 +33,7 @@ def configs(monkeypatch):
     """The configurations that a service in place of the real one was run with."""
     seen = []
 
-    def run_service(config):
+    def run_service(config, *, vehicle_named):
         seen.append(config)
         return 0
 
