@@ -27,7 +27,7 @@ from typing import Any, Protocol
 from ..errors import LinkError
 from .link_basics import SEND_BUFFER_BYTES, OnBytes, clock_s, reason
 from .peers import Address
-from .udp_link import open_udp
+from .udp_link import NO_NETWORK, connect_udp, listen_udp
 from .urls import LinkAddress, LinkKind
 
 _FIRST_PAUSE_S = 0.1
@@ -72,30 +72,32 @@ async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Li
     """Opens the link to an address; calls on_bytes in the loop with received bytes.
 
     Raises LinkError with one line if the link cannot be opened: a port in use, a missing device, a
-    name that is not found. An absent TCP peer and a connection lost later are retried, after 0.1 s
-    first, in the end every 2 s. A device's name is looked up again each time: `/dev/serial/by-id/…`
-    may lead to another tty then.
+    name that is not found. An absent TCP peer or network, and a connection lost later, are retried,
+    after 0.1 s first, in the end every 2 s. Names are looked up again each time: a device's,
+    `/dev/serial/by-id/…`, may lead to another tty then.
     """
-    if address.kind in {LinkKind.UDP_LISTEN, LinkKind.UDP_SEND}:
-        datagrams = await open_udp(address, on_bytes)
+    if address.kind is LinkKind.UDP_LISTEN:
+        listener = await listen_udp(address, on_bytes)
         try:
-            yield datagrams
+            yield listener
         finally:
-            datagrams.close()
+            listener.close()
+        return
+    if address.kind is LinkKind.TCP:
+        link = _Reconnecting(address, _TcpConnector(address, on_bytes).connect)
+    elif address.kind is LinkKind.UDP_SEND:
+        link = _Reconnecting(address, lambda: connect_udp(address, on_bytes))
     else:
-        if address.kind is LinkKind.TCP:
-            link = _Reconnecting(address, _TcpConnector(address, on_bytes).connect)
-        else:
-            link = _Reconnecting(address, lambda: _connect_serial(address, on_bytes))
-        await link.open()
-        keeper = asyncio.create_task(link.keep_open_loop(), name=f"keep open {address}")
-        try:
-            yield link
-        finally:
-            keeper.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await keeper
-            link.close()
+        link = _Reconnecting(address, lambda: _connect_serial(address, on_bytes))
+    await link.open()
+    keeper = asyncio.create_task(link.keep_open_loop(), name=f"keep open {address}")
+    try:
+        yield link
+    finally:
+        keeper.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await keeper
+        link.close()
 
 
 def _keep_short(transport: Any) -> Any:
@@ -145,12 +147,18 @@ class _Reconnecting:
         """First attempt; raises LinkError if a retry would not help."""
         try:
             self._connection = await self._connect()
-        except socket.gaierror as error:
-            raise LinkError(f"{self._address}: {reason(error)}") from error
         except _FAILURES as error:
-            if self._address.kind is LinkKind.SERIAL:
+            if not self._may_pass(error):
                 raise LinkError(f"{self._address}: {reason(error)}") from error
             self._complain(reason(error))
+
+    def _may_pass(self, error: BaseException) -> bool:
+        """Returns True for a failure that may end without a change of the configuration."""
+        if isinstance(error, socket.gaierror):
+            return error.errno == socket.EAI_AGAIN
+        if self._address.kind is LinkKind.UDP_SEND:
+            return isinstance(error, OSError) and error.errno in NO_NETWORK
+        return self._address.kind is LinkKind.TCP
 
     async def keep_open_loop(self) -> None:
         """Reconnects after each end of the connection; never returns."""

@@ -29,7 +29,8 @@ def clock_s() -> float:
 def reason(error: BaseException) -> str:
     """Reason of a link's failure, as text."""
     if isinstance(error, socket.gaierror):
-        return "the name is not found"
+        absent = error.errno == socket.EAI_AGAIN
+        return "no name server answers" if absent else "the name is not found"
     if isinstance(error, TimeoutError | asyncio.TimeoutError):
         return "no answer"
     if isinstance(error.__context__, termios.error) and error.__context__.args[0] == errno.ENOTTY:

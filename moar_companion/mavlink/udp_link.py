@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import logging
 import math
 import socket
 import struct
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ..errors import LinkError
 from .link_basics import SEND_BUFFER_BYTES, OnBytes, clock_s, reason
 from .peers import Address
-from .urls import LinkAddress, LinkKind
+from .urls import LinkAddress
 
 _DATAGRAM_BYTES = 65536
 _MOST_DATAGRAMS = 512
@@ -29,6 +30,8 @@ _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
 """Linux constants (asm-generic/socket.h); the socket module lacks them."""
 _TIMESPEC = struct.Struct("@ll")
 _ANCILLARY_BYTES = 128
+NO_NETWORK = frozenset({errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN})
+"""Failures while the network of a peer is absent: a modem that connects later, a lost Wi-Fi."""
 
 _logger = logging.getLogger(__name__)
 
@@ -139,36 +142,57 @@ class _UdpListener(_Udp):
 
 
 class _UdpSender(_Udp):
-    """Sending link: sends to one peer, and receives only from it."""
+    """Sending link: sends to one peer, and receives only from it. Used once.
+
+    Its source address is that of the network at its opening. So it ends when that has gone: EINVAL
+    is for an address that this computer has no longer.
+    """
 
     _listens = False
 
-    def send(
-        self, data: bytes, _within_s: float = math.inf, _peers: Sequence[Address] = (), /
-    ) -> None:
-        self._write(data)
+    def __init__(self, address: LinkAddress, own: socket.socket, on_bytes: OnBytes) -> None:
+        super().__init__(address, own, on_bytes)
+        self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+
+    def send(self, data: bytes, _within_s: float, /) -> None:
+        if not self.lost.done():
+            self._write(data)
+
+    def _fail(self, error: OSError) -> None:
+        if error.errno not in NO_NETWORK | {errno.EINVAL}:
+            super()._fail(error)
+        elif not self.lost.done():
+            self.lost.set_result(reason(error))
 
 
-async def open_udp(address: LinkAddress, on_bytes: OnBytes) -> _UdpListener | _UdpSender:
-    """Opens a UDP link; raises LinkError if the address is not available."""
-    listening = address.kind is LinkKind.UDP_LISTEN
+async def listen_udp(address: LinkAddress, on_bytes: OnBytes) -> _UdpListener:
+    """Opens a listening link; raises LinkError if the address is not available."""
     try:
-        found = await asyncio.get_running_loop().getaddrinfo(
-            address.host, address.port, type=socket.SOCK_DGRAM
-        )
-        family, kind, protocol, _, place = found[0]
-        own = socket.socket(family, kind, protocol)
-        try:
-            own.setblocking(False)
-            if listening:
-                own.bind(place)
-            else:
-                own.connect(place)
-        except OSError:
-            own.close()
-            raise
+        return _UdpListener(address, await _socket(address, socket.socket.bind), on_bytes)
     except OSError as error:
         raise LinkError(f"{address}: {reason(error)}") from error
+
+
+async def connect_udp(address: LinkAddress, on_bytes: OnBytes) -> _UdpSender:
+    """Opens a sending link; raises OSError if its peer's address or network is not known."""
+    return _UdpSender(address, await _socket(address, socket.socket.connect), on_bytes)
+
+
+async def _socket(
+    address: LinkAddress, attach: Callable[[socket.socket, Address], None]
+) -> socket.socket:
+    """Socket bound or connected to an address."""
+    found = await asyncio.get_running_loop().getaddrinfo(
+        address.host, address.port, type=socket.SOCK_DGRAM
+    )
+    family, kind, protocol, _, place = found[0]
+    own = socket.socket(family, kind, protocol)
+    try:
+        own.setblocking(False)
+        attach(own, place)
+    except OSError:
+        own.close()
+        raise
     own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
     own.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
@@ -181,7 +205,7 @@ async def open_udp(address: LinkAddress, on_bytes: OnBytes) -> _UdpListener | _U
             granted_bytes // 1024,
             _LEAST_RECEIVE_BYTES // 1024,
         )
-    return (_UdpListener if listening else _UdpSender)(address, own, on_bytes)
+    return own
 
 
 def _enlarge(own: socket.socket) -> int:

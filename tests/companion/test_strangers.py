@@ -135,3 +135,46 @@ def test_a_flood_of_bad_commands_keeps_no_other_operator_from_stopping():
     desk.handle(desk.operator.command(USER_1, HOLD), OPERATOR_LINK).run(0.5)
     assert TEMPORARILY_REJECTED in results(desk)
     assert desk.state == "holding"
+
+
+def requests_of_all_kinds(peer):
+    """What a ground station may ask of the companion, again and again."""
+    ours = {"target_system": 1, "target_component": 195}
+    yield peer.ground_heartbeat()
+    yield peer.send("PARAM_REQUEST_LIST", **ours)
+    yield peer.send("PARAM_REQUEST_READ", **ours, param_id=b"SPEED", param_index=-1)
+    yield peer.send("PARAM_EXT_REQUEST_LIST", **ours)
+    yield peer.send("MISSION_REQUEST_LIST", **ours, mission_type=0)
+    yield peer.send("PING", time_usec=1, seq=1, target_system=0, target_component=0)
+    yield peer.send("TIMESYNC", tc1=0, ts1=1, **ours)
+    yield peer.send(
+        "FILE_TRANSFER_PROTOCOL", target_network=0, **ours, payload=[1, 0, 1, 3, *[0] * 247]
+    )
+    for message_id in (0, 148, 300, 397, 395, 242):
+        yield peer.command(512, message_id)
+        yield peer.command(511, message_id, 1000.0)
+    yield peer.command(USER_1, INSPECTION, 99.0)
+
+
+def test_a_flood_on_another_link_changes_no_setpoint_and_no_time_of_one():
+    """Ten times all requests in each cycle, by a station that may command."""
+    calm, flooded = (Desk(links=LINKS).come_to("flying", then_s=1.0) for _ in range(2))
+    flooder = Peer(254, 1)
+    for desk in (calm, flooded):
+        desk.sent.clear()
+        for _ in range(50):
+            if desk is flooded:
+                data = b"".join(requests_of_all_kinds(flooder))
+                for _ in range(10):
+                    desk.companion.receive(OPERATOR_LINK, data, desk.now_s)
+            desk.step()
+    setpoints = [
+        [
+            (time_s, message.get_msgbuf()[10:-2])
+            for time_s, link, message in desk.sent
+            if link == LINK and message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+        ]
+        for desk in (calm, flooded)
+    ]
+    assert len(setpoints[0]) == 50
+    assert setpoints[1] == setpoints[0]

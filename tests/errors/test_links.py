@@ -79,6 +79,20 @@ UNHAD = {
 }
 
 
+@pytest.fixture
+def name_server(monkeypatch):
+    """Knows no name ending in `.invalid`, also where there is no name server."""
+    find = socket.getaddrinfo
+
+    def answer(host, *arguments, **options):
+        if str(host).endswith(".invalid"):
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        return find(host, *arguments, **options)
+
+    monkeypatch.setattr(socket, "getaddrinfo", answer)
+
+
+@pytest.mark.usefixtures("name_server")
 @pytest.mark.parametrize("command", [[], ["check"]], ids=["the service", "check"])
 @pytest.mark.parametrize(("url", "line"), UNHAD.values(), ids=UNHAD)
 def test_a_link_that_cannot_be_opened_is_named_with_status_1(command, url, line, capsys):

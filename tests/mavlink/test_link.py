@@ -237,6 +237,72 @@ async def test_a_host_name_that_is_not_found_is_reported_in_one_line(address, mo
             pass
 
 
+def failing(function, *failures):
+    """The function, whose first calls fail."""
+    left = list(failures)
+
+    def called(*arguments, **options):
+        if left:
+            raise left.pop(0)
+        return function(*arguments, **options)
+
+    return called
+
+
+NO_NETWORK = OSError(errno.ENETUNREACH, "Network is unreachable")
+NO_NAME_SERVER = socket.gaierror(socket.EAI_AGAIN, "Temporary failure in name resolution")
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "failure", "words"),
+    [
+        (socket.socket, "connect", NO_NETWORK, "network is unreachable"),
+        (socket, "getaddrinfo", NO_NAME_SERVER, "no name server answers"),
+    ],
+)
+async def test_a_sending_link_awaits_its_network(owner, name, failure, words, monkeypatch, caplog):
+    """A modem may connect later than the service starts, or never."""
+    at_once(monkeypatch)
+    monkeypatch.setattr(owner, name, failing(getattr(owner, name), failure, failure))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        peer.setblocking(False)
+        async with open_link(udp_send(peer.getsockname()[1], "localhost"), Received()) as link:
+            assert words in caplog.text
+            link.send(b"dropped")
+            data = b""
+            while data != b"heartbeat":
+                link.send(b"heartbeat")
+                await asyncio.sleep(0)
+                with contextlib.suppress(BlockingIOError):
+                    data = peer.recv(100)
+
+
+@pytest.mark.parametrize("number", [errno.ENETUNREACH, errno.EINVAL])
+async def test_a_sending_link_whose_network_is_gone_takes_the_next_one(number, monkeypatch, caplog):
+    at_once(monkeypatch)
+    here, port = Received(), free_port(socket.SOCK_DGRAM)
+    async with (
+        open_link(udp_listen(port), here),
+        open_link(udp_send(port), Received()) as sender,
+    ):
+        sender.send(b"before")
+        await here.until(b"before")
+        failure = OSError(number, os.strerror(number))
+        monkeypatch.setattr(socket.socket, "send", failing(socket.socket.send, failure))
+        while b"after" not in here.data:
+            sender.send(b"after")
+            await asyncio.sleep(0)
+    assert os.strerror(number).lower() in caplog.text
+    assert len(here.addresses) == 2
+
+
+async def test_a_refused_address_of_a_sending_link_is_reported_in_one_line():
+    with pytest.raises(LinkError, match="permission denied"):
+        async with open_link(udp_send(14550, "255.255.255.255"), Received()):
+            pass
+
+
 async def test_an_absent_udp_peer_is_warned_of_once(caplog):
     caplog.set_level(logging.DEBUG, logger=udp_link.__name__)
     port = free_port(socket.SOCK_DGRAM)
