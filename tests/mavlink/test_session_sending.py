@@ -319,7 +319,7 @@ def test_values_and_texts_go_to_all_links(story, autopilot):
         ("serial", "STATUSTEXT"),
         ("network", "STATUSTEXT"),
     ]
-    plotted = [(on, m) for _, on, m in story.run(0.6) if m.get_type() == "NAMED_VALUE_FLOAT"]
+    plotted = [(on, m) for _, on, m in story.run(0.4) if m.get_type() == "NAMED_VALUE_FLOAT"]
     assert [(on, m.value) for on, m in plotted] == [("serial", 0.25), ("network", 0.25)]
 
 

@@ -209,14 +209,14 @@ def test_the_companion_receives_the_free_memory_and_disk_of_the_computer(
 
     def left(recordings):
         asked.add(recordings)
-        return SimpleNamespace(free=3e9)
+        return SimpleNamespace(free=3e9, total=4e9)
 
     monkeypatch.setattr(host_monitor.shutil, "disk_usage", left)
-    monkeypatch.setattr(host_monitor, "memory_available", lambda _: 2e8)
+    monkeypatch.setattr(host_monitor, "memory_bytes", lambda _: {"MemAvailable": 2e8})
     monkeypatch.setattr(Companion, "note_host", lambda _, host: reported.add(host))
     serve(received, 0.3, recorder=RecorderSettings(directory=tmp_path))
     assert asked == set(tmp_path.iterdir())
-    assert reported == {Host(disk_free=3e9, memory_available=2e8)}
+    assert reported == {Host(disk_free=3e9, disk_total=4e9, memory_available=2e8)}
 
 
 def test_a_stalled_disk_delays_neither_the_cycles_nor_the_end(

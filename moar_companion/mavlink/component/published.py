@@ -128,12 +128,16 @@ class _Stream:
         self.waiting: list[Message] = []
 
     def begin(self, content: Content, now_s: float) -> None:
-        """Makes the messages of an interval that has ended; those left of the last are dropped."""
+        """Makes the messages of an interval that has ended; those left of the last are dropped.
+
+        While there is none the next interval does not begin.
+        """
         if self.interval_s is None or now_s < self.due_s:
             return
-        late = now_s - self.due_s >= self.interval_s
-        self.due_s = (now_s if late else self.due_s) + self.interval_s
         self.waiting = content(now_s)[::-1]
+        if self.waiting:
+            late = now_s - self.due_s >= self.interval_s
+            self.due_s = (now_s if late else self.due_s) + self.interval_s
 
 
 class PublishedMessages:
