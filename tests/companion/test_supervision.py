@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.planner.planner import Planner
 from moar_companion.settings.config import Supervision
 
 from ..copies import flown_once
 from ..mavlink.peer import Peer
-from .desk import ACCEPTED, DENIED, EVACUATION, INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
+from .desk import (
+    ACCEPTED,
+    DENIED,
+    EVACUATION,
+    INSPECTION,
+    STEP_S,
+    TEMPORARILY_REJECTED,
+    Desk,
+    usual_planner,
+)
 from .scripted_autopilot import AUTO_HOLD, CRITICAL, OFFBOARD, POSCTL
 
 
@@ -263,6 +274,20 @@ def test_an_aircraft_that_is_not_where_the_site_says_is_not_flown(
     assert desk.said(words)
     desk.send_heartbeat(desk.ours).run(1.0)
     assert desk.setpoints() == []
+
+
+@pytest.mark.parametrize(("north_m", "state"), [(5.0, "flying"), (0.0, "idle")])
+def test_on_a_shifted_site_the_aircraft_is_flown_where_the_plane_is_now(north_m, state):
+    """The base of the RTK receiver got coordinates 5 m to the north, and so have all positions."""
+    usual = usual_planner()
+    frame = usual.site.frame.moved(5.0, 0.0, 0.0)
+    desk = Desk(planner=Planner(replace(usual.site, frame=frame), usual.vehicle))
+    origin = usual.site.frame.to_geodetic((usual.site.start_m[0], 0.0, 0.0))
+    desk.origin = (origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
+    desk.position_ned_m = (north_m, 0.0, -3.0)
+    desk.run(1.2).order(INSPECTION).run(1.0).send_heartbeat(desk.ours).run(1.0)
+    assert desk.state == state
+    assert desk.said("5.0 m S of plane > 2, rejected") == (state == "idle")
 
 
 def test_an_aircraft_slightly_beside_the_plane_flies_from_there_into_the_plane():
