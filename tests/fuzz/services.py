@@ -14,6 +14,7 @@ since a second autopilot ends the control. Judged are
 from __future__ import annotations
 
 import gc
+import math
 import struct
 import time
 import traceback
@@ -21,7 +22,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from random import Random
 
+from moar_companion.mavlink.commands import MESSAGE_COMMANDS
 from moar_companion.mavlink.component.component_metadata import metadata_files
+from moar_companion.mavlink.component.published import PUBLISHED
 from moar_companion.mavlink.component.requested_messages import CLOCK_IDS
 from moar_companion.mavlink.component.services import ComponentServices
 from moar_companion.mavlink.dialect import id_of, mavlink
@@ -52,6 +55,9 @@ PER_CYCLE = (0, 0, 0, 1, 5, 50, 300)
 """Numbers of packets in a cycle, each for a second: lists and files are sent in between."""
 MOST_MB = 2.0
 _FTP = id_of("FILE_TRANSFER_PROTOCOL")
+_COMMANDS = (*MESSAGE_COMMANDS, int(mavlink.MAV_CMD_DO_SET_MODE), 0xFFFF)
+_NUMBERS = (*map(float, map(id_of, PUBLISHED)), -1.0, 0.5, 2.0**24, 1e30, math.nan, math.inf)
+"""Numbers of messages, and what is none."""
 _PATHS = [*(f"/{name}".encode() for name in metadata_files(195)), b"/", b"", b"/etc/passwd", b"@P"]
 
 
@@ -110,6 +116,7 @@ class Flood:
             for number in sorted(ComponentServices.MESSAGE_IDS)
         ]
         self.file_transfer = mavlink.mavlink_map[_FTP]
+        self.command_long = mavlink.mavlink_map[id_of("COMMAND_LONG")]
         self.before: list[bytes] = [bytes(254)]
 
     def path(self) -> tuple[GeodeticPoint, ...]:
@@ -129,12 +136,24 @@ class Flood:
         pick = self.pick
         link = pick.choice((LINE, NETWORK))
         source = pick.choice(STATIONS if pick.random() < 0.9 else STRANGERS[link])
-        if pick.random() < 0.6:
+        kind = pick.random()
+        if kind < 0.5:
             message_class, payload = self.file_transfer, self._file_request()
+        elif kind < 0.65:
+            message_class, payload = self.command_long, self._command()
         else:
             shape = pick.choice(self.shapes)
             message_class, payload = shape.message_class, hostile_payload(pick, shape, None, 1.0)
         return link, frame(message_class, payload, source, pick.randrange(256))
+
+    def _command(self) -> bytes:
+        """Payload of a command about messages, with any numbers."""
+        pick = self.pick
+        number = pick.choice(_NUMBERS) if pick.random() < 0.7 else pick.uniform(-1.0, 2.0**24)
+        interval = pick.choice((0.0, -1.0, 1.0, 5e5, 1e7, -2.0, math.nan, math.inf, -3e38))
+        target = pick.choice((OURS, OURS, OURS, (0, 0), (1, 0), (1, 1)))
+        command = pick.choice(_COMMANDS)
+        return struct.pack("<7fHBBB", number, interval, *[0.0] * 5, command, *target, 0)
 
     def _file_request(self) -> bytes:
         """Payload of a request; some are those before, as they were or with a byte changed."""
