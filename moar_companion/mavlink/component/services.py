@@ -124,7 +124,7 @@ class ComponentServices:
         """
         waiting = self._waiting[command.sender.link]
         if len(waiting) >= _MOST_WAITING:
-            return CommandResult.TEMPORARILY_REJECTED
+            return None if command.to_all else CommandResult.TEMPORARILY_REJECTED
         done = result_of(command, self.published, now_s)
         if done is None:
             return None
