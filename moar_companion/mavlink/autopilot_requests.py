@@ -137,7 +137,7 @@ class AutopilotRequests:
     """Requests of the one autopilot, from its first heartbeat on, and again after its restart.
 
     rates_hz: wanted rates by message id; None: those of its kind. obstacles: True if the distances
-    of obstacles that it reports are wanted, too.
+    of obstacles that it reports are wanted, too. signed: links on which all packets are signed.
     """
 
     def __init__(
@@ -147,11 +147,13 @@ class AutopilotRequests:
         rates_hz: Mapping[int, float] | None,
         *,
         obstacles: bool = False,
+        signed: Collection[str] = (),
     ) -> None:
         self._receiver = receiver
         self._outbox = outbox
         self._rates_hz = rates_hz
         self._obstacles = obstacles
+        self._signed = frozenset(signed)
         self._rates = MessageRates()
         self._places = OriginHomeRequests()
         self._parameters = ParameterRequests()
@@ -220,7 +222,8 @@ class AutopilotRequests:
         if line is None:
             rates_hz = on_network(wanted_hz, obstacles=self._obstacles)
         else:
-            rates_hz = on_line(wanted_hz, known.line_share * line)
+            signed = autopilot.link in self._signed
+            rates_hz = on_line(wanted_hz, known.line_share * line, signed=signed)
         self._rates.start(
             rates_hz,
             silent=not known.streams_by_itself,

@@ -96,21 +96,24 @@ _LEAST_OF_OTHERS_HZ = 1.0
 """Three times within the shortest age for which a risk counts them, 3 s."""
 _OTHER_BYTES_PER_S = 500.0
 """Room for all else: TIMESYNC (PX4 at 10 Hz: 280 B/s), answers, texts, packets of other senders."""
-_FRAME_BYTES = 12
+_FRAME_BYTES, _SIGNATURE_BYTES = 12, 13
 
 
-def on_line(rates_hz: Mapping[int, float], bytes_per_s: float) -> Mapping[int, float]:
+def on_line(
+    rates_hz: Mapping[int, float], bytes_per_s: float, *, signed: bool = False
+) -> Mapping[int, float]:
     """Returns the wanted rates for a serial line on which the autopilot sends `bytes_per_s`.
 
     If they do not fit, one factor lowers all of them, none below its least rate. The factor is the
     greatest in steps of a tenth with which they fit; with none the least rates are wanted.
     """
+    frame_bytes = _FRAME_BYTES + (_SIGNATURE_BYTES if signed else 0)
     for tenths in range(10, -1, -1):
         lowered = {
             message_id: max(tenths / 10 * rate_hz, min(rate_hz, _least_hz(message_id)))
             for message_id, rate_hz in rates_hz.items()
         }
-        if _bytes_per_s(lowered) + _OTHER_BYTES_PER_S <= bytes_per_s:
+        if _bytes_per_s(lowered, frame_bytes) + _OTHER_BYTES_PER_S <= bytes_per_s:
             break
     return lowered
 
@@ -119,12 +122,12 @@ def _least_hz(message_id: int) -> float:
     return _LEAST_HZ.get(message_id, _LEAST_OF_OTHERS_HZ)
 
 
-def _bytes_per_s(rates_hz: Mapping[int, float]) -> float:
+def _bytes_per_s(rates_hz: Mapping[int, float], frame_bytes: int) -> float:
     """Upper limit of the bytes a second of these messages, without trailing zeros cut."""
     total_bytes_per_s = 0.0
     for message_id, rate_hz in rates_hz.items():
         payload_bytes: int = mavlink.mavlink_map[message_id].unpacker.size
-        total_bytes_per_s += rate_hz * (payload_bytes + _FRAME_BYTES)
+        total_bytes_per_s += rate_hz * (payload_bytes + frame_bytes)
     return total_bytes_per_s
 
 

@@ -124,7 +124,11 @@ class Session:
         self._outbox = Outbox(links, commands_motion)
         self._control = AutopilotControl(self._receiver, self._outbox)
         self.requests = AutopilotRequests(
-            self._receiver, self._outbox, message_rates_hz, obstacles=obstacles
+            self._receiver,
+            self._outbox,
+            message_rates_hz,
+            obstacles=obstacles,
+            signed=signing or (),
         )
         """Requests of the autopilot: parameters, fence, message rates."""
         self.commands = ReceivedCommands(commands)

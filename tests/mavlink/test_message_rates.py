@@ -196,9 +196,9 @@ def test_streams_that_ardupilot_denies_are_not_requested():
 # Slow lines
 
 
-def bytes_per_s(rates_hz):
+def bytes_per_s(rates_hz, frame_bytes=12):
     return sum(
-        rate_hz * (mavlink.mavlink_map[message_id].unpacker.size + 12)
+        rate_hz * (mavlink.mavlink_map[message_id].unpacker.size + frame_bytes)
         for message_id, rate_hz in rates_hz.items()
     )
 
@@ -213,6 +213,11 @@ def test_the_rates_for_a_serial_line_fit_it_with_room_for_all_else(kind):
         assert all(before_hz[key] <= rates_hz[key] <= wanted_hz[key] for key in wanted_hz)
         before_hz = rates_hz
     assert rates_hz == wanted_hz
+
+
+def test_the_rates_for_a_signed_line_have_room_for_the_signatures():
+    rates_hz = on_line(wanted_rates_hz(ARDUPILOT), 4608.0, signed=True)
+    assert bytes_per_s(rates_hz, 12 + 13) <= 4608.0 - 500
 
 
 @pytest.mark.parametrize("kind", [*autopilots.PROFILES, UNKNOWN])
