@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from moar_companion.companion.mission_snapshot import MissionSnapshot
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.companion.planning.site_maps import SiteMaps
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
+from moar_companion.planner.planner import Planner
 from moar_companion.service.recording.calls import RecordedCompanion
 from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.flight_parameters import FlightParameters, flight_parameters
@@ -46,6 +48,12 @@ class ParameterFlight(Lockstep):
             before=before,
             parameters=self.parameters,
         )
+
+    def with_planner(self) -> ParameterFlight:
+        """Itself with a planner of its own, since copies share theirs, and settings change it."""
+        self.planner = Planner(self.flown_site, self.vehicle, clock=lambda: 0.0)
+        self.planners = PlannerSet(self.planner)
+        return self
 
     def set(self, **values: float) -> None:
         """The ground station sets parameters, each by its name, in this order."""

@@ -5,21 +5,29 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import random
 
 import pytest
 
 from moar_companion.analysis.replay.exact import ExactReplay
 from moar_companion.companion.planning.map_jobs import MapAnswer, SettingsJob
 from moar_companion.service.recording.calls import call_encoded
+from moar_companion.settings.flight_parameters import NONE, flight_parameters
 from moar_companion.types import Mission
 
 from ..copies import flown_once
+from ..flights.judging import assert_nothing_was_touched
 from ..flights.operator import EXIT, INSPECTION
 from ..flights.parameter_flight import ParameterFlight
+from ..thorough import sampled
+
+
+def flying(mission=INSPECTION, seconds=2.0):
+    return under_way(mission, seconds).with_planner()
 
 
 @flown_once
-def flying(mission=INSPECTION, seconds=2.0):
+def under_way(mission, seconds):
     flight = ParameterFlight()
     flight.start_in_the_air()
     flight.begin(mission, 0 if mission == INSPECTION else -1)
@@ -161,3 +169,32 @@ def test_a_flight_with_parameters_of_before_and_of_now_is_repeated_exactly():
     calls = [json.loads(json.dumps(call_encoded(call), allow_nan=False)) for call in flight.calls]
     assert [item for call in calls for item in replay.feed(call)] == []
     assert replay.compared["map job"] >= 1
+
+
+def any_value(pick, flight):
+    """A parameter and a value of it: a choice, or its present one by some factor."""
+    row = pick.choice(list(flight_parameters().values()))
+    if row.choices:
+        return {row.name: float(pick.randrange(len(row.choices)))}
+    if row.optional and pick.random() < 0.3:
+        return {row.name: NONE}
+    present = max(flight.companion.parameters.value(row.name), 0.5)
+    return {row.name: present * pick.choice((0.2, 0.5, 0.8, 1.3, 2.0, 4.0))}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", sampled([3], range(20)))
+def test_any_parameters_in_flight_raise_nothing_and_let_no_setpoint_jump(seed):
+    pick, flight = random.Random(seed), flying(EXIT, 0.5)
+    for _ in range(30):
+        for _ in range(pick.choice((1, 3, 10))):
+            flight.set(**any_value(pick, flight))
+        flight.run(pick.choice((0.2, 1.0)))
+        if flight.state in {"holding", "idle", "ready", "released"}:
+            flight.operator.mission(pick.choice((INSPECTION, EXIT)), -1)
+            flight.operator.mode("ours")
+    assert len(flight.noted("parameter")) > 50
+    assert len(flight.noted("settings")) > 10
+    reasons = {item["reason"] for item in flight.noted("text")}
+    assert not any("setpoint" in reason for reason in reasons), "which the gate has refused"
+    assert_nothing_was_touched(flight)
