@@ -25,9 +25,9 @@ _NUMBERS = {condition.name: number for number, condition in enumerate(CONDITIONS
 def system_status(state: CycleState) -> SystemStatus:
     """State of the companion in its heartbeat.
 
-    EMERGENCY: it has released an aircraft in the air, or leaves a place where the aircraft would
-    hit something. CRITICAL: a condition holds the flight, or ends it by an exit or evacuation.
-    ACTIVE: setpoints are sent. STANDBY: none are.
+    EMERGENCY: a condition has released an aircraft in the air, and lasts, or the aircraft leaves a
+    place where it would hit something. CRITICAL: a condition holds the flight, or ends it by an
+    exit or evacuation. ACTIVE: setpoints are sent. STANDBY: none are.
     """
     mission, action = state.status.state, state.ruling.action
     if mission is MissionState.RELEASED and action is Action.RELEASE:

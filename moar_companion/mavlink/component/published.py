@@ -52,8 +52,10 @@ PUBLISHED: Mapping[str, Published] = {
     for row in (
         Published(
             name="HEARTBEAT",
-            about="state of the companion: STANDBY, ACTIVE, CRITICAL or EMERGENCY; the mission "
-            "state's number as custom_mode",
+            about="STANDBY: no setpoints are sent; ACTIVE: they are; CRITICAL: a condition holds "
+            "the flight, or ends it by an escape; EMERGENCY: a condition has released the aircraft "
+            "in the air, or it leaves a place where it would hit something; custom_mode: the "
+            "mission state",
             period_s=1.0,
             settable=False,
             asked_of_all=False,
