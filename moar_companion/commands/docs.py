@@ -93,11 +93,13 @@ the last column says *no*, no inspection begins:
 
 ## Parameters of the companion
 
-{count} settings of the service and the vehicle that may be set in flight, of component 195, by a
-sender that may command; unit, default and range are those of the key. A value that the file may not
-have, alone or beside the others, changes nothing. Values that were set stand above the files, also
-after a restart, and below a vehicle file that the command line names. All are REAL32, but INT32
-where the last column has words; *none*: the number is not given.
+{count} settings of the service and the vehicle that may be set in flight, as parameters of
+component 195, by a sender that may command; unit, default and range are those of the key. A value
+that the file may not have, alone or beside the others, changes nothing. Weights, limits and
+thresholds count at once; sizes, distances, speeds and guidance when maps for them are made, and
+meanwhile the flight goes on. Values that were set stand above the files, also after a restart, and
+below a vehicle file that the command line names. All are REAL32, but INT32 where the last column
+has words; *none*: the number is not given.
 
 {flight_parameters}
 

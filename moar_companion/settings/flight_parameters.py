@@ -377,7 +377,8 @@ class FlightParameters:
 
         Values that are valid together are set in an order in which each is valid.
         """
-        made, waiting, texts, before = self, dict(values), list[str](), len(values) + 1
+        made, waiting, before = self, dict(values), len(values) + 1
+        texts: list[str] = []
         while len(waiting) < before:
             before, texts = len(waiting), []
             for name, value in list(waiting.items()):
@@ -450,11 +451,11 @@ def _config_of(model: FileModel) -> CompanionConfig:
 
 
 def _put(content: dict[str, Any], parameter: FlightParameter, value: float) -> None:
-    """Sets a value in the content of a file, in which sections may be missing."""
+    """Sets a value in the content of a file."""
     *sections, key = parameter.keys
     at: Any = content
     for part in sections:
-        at = at.setdefault(part, {}) if isinstance(part, str) else at[part]
+        at = at[part]
     at[key] = parameter.to_file(value)
 
 

@@ -149,13 +149,18 @@ def under(folder: Path, record: Record) -> Record:
 
 
 def as_written(value: Any, *, degrees: bool = False, digits: int | None = None) -> Any:
-    """A value of settings as in a file: a section as a mapping of its keys.
+    """A value of settings as in a file: a section as a mapping of its keys, defaults included.
 
     degrees: the value is an angle in radians. digits: of degrees; None: as many as the same angle
     needs when it is read.
     """
     if isinstance(value, FileModel):
-        return {key: as_written(getattr(value, key)) for key in value.model_fields_set}
+        given = {key: getattr(value, key) for key in type(value).model_fields}
+        return {
+            key: as_written(item)
+            for key, item in given.items()
+            if key in value.model_fields_set or dataclasses.is_dataclass(item)
+        }
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, tuple):

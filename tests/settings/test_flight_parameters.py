@@ -6,6 +6,7 @@ import dataclasses
 import math
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -105,6 +106,22 @@ def test_two_ends_of_a_range_are_two_parameters() -> None:
     before = _FILE.risk.tilt_rad
     assert vehicle.risk.tilt_rad.high == pytest.approx(math.radians(40.0))
     assert vehicle.risk.tilt_rad.low == before.low
+
+
+def test_every_parameter_of_a_file_without_optional_keys_can_be_set(tmp_path) -> None:
+    needed = {"name", "geometry", "safety", "speed", "weights"}
+    file = tmp_path / "vehicle.yaml"
+    written = yaml.safe_load(_CONFIG.vehicle.read_text())
+    file.write_text(yaml.safe_dump({key: written[key] for key in needed}))
+    parameters = FlightParameters.of(VehicleFile.load(file), _CONFIG)
+    assert parameters.apply(_CONFIG)[1] == Vehicle.load(file)
+    for name, row in flight_parameters().items():
+        present = parameters.value(name)
+        value = 1.0 - present if row.choices else present * 1.001
+        if row.optional:
+            value = 1.0
+        value += 0.001 * (value == present)
+        assert parameters.with_value(name, value).changed == {name: shortest(value)}
 
 
 def test_an_optional_number_is_none_by_minus_one() -> None:
