@@ -63,10 +63,10 @@ if TYPE_CHECKING:
     from .cycle_recorder import CycleRecorder
     from .mqtt_orders import MqttOrders
     from .mqtt_publisher import MqttPublisher
+    from .parameter_file import ParameterFile
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
     from .snapshot_file import SnapshotFile
-    from .stored_parameters import ParameterFile
 
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""

@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from ..mavlink.signing import Signing
     from .cycle_recorder import CycleRecorder
     from .mqtt_publisher import MqttPublisher
+    from .parameter_file import ParameterFile
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
     from .snapshot_file import SnapshotFile
-    from .stored_parameters import ParameterFile, StartSettings
+    from .stored_parameters import StartSettings
 
 _logger = logging.getLogger(__name__)
 
@@ -56,7 +57,7 @@ def open_parameters(
     folder = state_folder(config)
     if folder is None:
         return None
-    from .stored_parameters import ParameterFile
+    from .parameter_file import ParameterFile
 
     file = ParameterFile(folder.path, settings)
     stack.callback(file.close)

@@ -19,18 +19,16 @@ from typing import Literal
 from pydantic import TypeAdapter
 
 from ..companion.flight_settings import settings_of
-from ..companion.safety.file_faults import FileFault, words
+from ..companion.safety.file_faults import FileFault
 from ..settings.config import CompanionConfig
 from ..settings.flight_parameters import FlightParameters, flight_parameters
 from ..settings.input_file import open_file
 from ..settings.vehicle import Vehicle, VehicleFile
 from ..texts import service_texts
 from ..texts.text_format import plural
-from .background_writer import BackgroundWriter, Batches
 from .directories import state_folder
-from .snapshot_file import write_whole
 
-_NAME = "parameters.json"
+FILE_NAME = "parameters.json"
 _LONGEST_BYTES = 1_000_000
 """A longer file was not written by this program."""
 _logger = logging.getLogger(__name__)
@@ -98,7 +96,7 @@ def start_settings(
     problems: tuple[str, ...] = ()
     faults: tuple[FileFault, ...] = ()
     if folder is not None:
-        others, problems, faults = _read(folder.path / _NAME, put_aside=put_aside)
+        others, problems, faults = _read(folder.path / FILE_NAME, put_aside=put_aside)
     known, rows = others.pop(file.name, {}), flight_parameters()
     unused = {
         name: value
@@ -110,7 +108,7 @@ def start_settings(
     if invalid and folder is not None:
         reason = service_texts.STORED_INVALID(count=len(invalid), plural=plural(len(invalid)))
         faults = (*faults, FileFault(reason=reason, action="dropped"))
-        path = folder.path / _NAME
+        path = folder.path / FILE_NAME
         problems = (*problems, *(f"{path}: {text}, dropped" for text in invalid))
     flown_config, vehicle = settings_of(parameters, config)
     return StartSettings(
@@ -147,39 +145,9 @@ def _read(
     return {}, (text,), (FileFault(reason=reason, action="files count"),)
 
 
-class ParameterFile:
-    """The file, and the thread that writes it."""
-
-    def __init__(self, folder: Path, settings: StartSettings) -> None:
-        self._path = folder / _NAME
-        self._settings = settings
-        self._write_fault: FileFault | None = None
-        self._writer = BackgroundWriter("parameters", self._write_loop)
-
-    @property
-    def faults(self) -> tuple[FileFault, ...]:
-        """Current faults of the file; those of the start stay in the list."""
-        return (*self._settings.faults, *filter(None, (self._write_fault,)))
-
-    def keep(self, changed: Mapping[str, float]) -> None:
-        """Queues the values for writing; of several that wait, only the newest are written."""
-        values = {**self._settings.unused, **changed}
-        vehicles = self._settings.others | {self._settings.vehicle.name: values}
-        self._writer.put(_FILE.dump_json(_File(vehicles=vehicles), indent=1))
-
-    def close(self) -> None:
-        """Waits a limited time for the pending write."""
-        self._writer.close()
-
-    def _write_loop(self, batches: Batches) -> None:
-        for batch in batches:
-            (data,) = batch[-1]
-            try:
-                write_whole(self._path, data)
-            except OSError as error:
-                level = logging.WARNING if self._write_fault is None else logging.DEBUG
-                reason = service_texts.NO_PARAMETER_FILE(fault=words(error))
-                self._write_fault = FileFault(reason=reason, action="not kept")
-                _logger.log(level, "%s: not written: %s", self._path, error.strerror)
-            else:
-                self._write_fault = None
+def encoded(settings: StartSettings, changed: Mapping[str, float]) -> bytes:
+    """Content of the file with the values that are set now."""
+    values = {**settings.unused, **changed}
+    return _FILE.dump_json(
+        _File(vehicles=settings.others | {settings.vehicle.name: values}), indent=1
+    )

@@ -19,6 +19,7 @@ OPTIONAL = {
     "moar_companion.service.recording.calls",
     "moar_companion.service.cycle_recorder",
     "moar_companion.service.mqtt_publisher",
+    "moar_companion.service.parameter_file",
     "moar_companion.service.perception_process",
     "moar_companion.service.signing_clock",
     "moar_companion.service.snapshot_file",
