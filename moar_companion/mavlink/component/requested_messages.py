@@ -32,6 +32,8 @@ _GREATEST_INTERVAL_ID = 0xFFFF
 """MESSAGE_INTERVAL has 16 bits for the message's number, MAVLink 2 24."""
 _OFF_US = -1
 _UNAVAILABLE_US = 0
+_LONGEST_US = 2**31 - 1
+"""Greatest interval that MESSAGE_INTERVAL can report: 35 minutes."""
 _NUMBERED = {
     int(mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION): "PROTOCOL_VERSION",
     int(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES): "AUTOPILOT_VERSION",
@@ -114,7 +116,7 @@ def _set_interval(
     interval_us = command.parameters[1]
     if row is None:
         return CommandResult.UNSUPPORTED
-    if interval_us is None or not (interval_us >= 0 or interval_us == _OFF_US):
+    if interval_us is None or not (0 <= interval_us <= _LONGEST_US or interval_us == _OFF_US):
         return CommandResult.DENIED
     interval_s = None if interval_us == _OFF_US else interval_us * 1e-6
     done = messages.set_interval(command.sender.link, row.name, interval_s)

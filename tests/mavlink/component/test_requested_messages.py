@@ -177,7 +177,7 @@ def test_the_interval_is_reported_as_it_is_sent(met, number):
     assert interval_us(met, id_of("ATTITUDE"), number) == 0
 
 
-@pytest.mark.parametrize("interval", [-2, -0.5, math.nan, -math.inf])
+@pytest.mark.parametrize("interval", [-2, -0.5, math.nan, -math.inf, math.inf, 2.2e9])
 def test_an_interval_that_is_none_is_denied(met, interval):
     assert asked(met, SET_INTERVAL, INT, interval)[0] == [DENIED]
     assert interval_us(met, INT) == 500_000
