@@ -23,7 +23,8 @@ Content = Callable[[float], list[Message]]
 
 _SLOW_BYTES_PER_S = 4_000.0
 """Budget below which a line counts as slow: that of 160,000 baud."""
-_LONGEST_S = 3_600.0
+_LONGEST_S = 1_800.0
+"""Longest interval that can be set: MESSAGE_INTERVAL tells 2,147 s at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

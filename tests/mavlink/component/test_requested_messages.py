@@ -171,6 +171,9 @@ def test_the_interval_is_reported_as_it_is_sent(met, number):
     assert interval_us(met, INT, number) == 2_000_000
     asked(met, SET_INTERVAL, INT, 1.0)  # faster than the values are made
     assert interval_us(met, INT, number) == 500_000
+    for microseconds in (1e10, 3e38, math.inf):  # longer than MESSAGE_INTERVAL can tell
+        asked(met, SET_INTERVAL, INT, microseconds)
+        assert interval_us(met, INT, number) == 1_800_000_000
     asked(met, SET_INTERVAL, INT, -1)
     assert interval_us(met, INT, number) == -1
     assert interval_us(met, VERSION, number) == -1
