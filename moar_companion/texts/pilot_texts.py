@@ -283,10 +283,16 @@ FENCED = PilotText(
     meaning="only this limit of the autopilot's fence, less `fence_margin_m`, blocks the path",
     remedy="take over, or change the fence",
 )
-FAR_OUTSIDE = PilotText(
-    pattern="{far_m} m {side} workspace > {most_m}",
+FAR_BESIDE = PilotText(
+    pattern="{far_m} m off workspace > {most_m}, {side}",
     actions=_NO_ESCAPE,
-    meaning="the aircraft is farther outside than `guidance.recovery_m`, on this side",
+    meaning="the aircraft is farther beside it than `guidance.recovery_m`, on this side of it",
+    remedy="fly it back to the workspace, and order again; or correct the site's frame",
+)
+FAR_OUTSIDE = PilotText(
+    pattern="{far_m} m off workspace > {most_m}",
+    actions=_NO_ESCAPE,
+    meaning="the aircraft is farther above or below it than `guidance.recovery_m`",
     remedy="fly it back to the workspace, and order again; or correct the site's frame",
 )
 OUTSIDE = PilotText(

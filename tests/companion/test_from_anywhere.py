@@ -162,7 +162,7 @@ def test_where_no_leg_is_free_the_pilot_receives_the_direction_to_fly():
             for n, (dx, dz) in enumerate(around)
         )
 
-    assert refused((101.0, 5.0)) == "MOAR: 71 m E of workspace > 60, denied"
+    assert refused((101.0, 5.0)) == "MOAR: 71 m off workspace > 60, E, denied"
     assert refused((40.0, 6.0), obstacles=cage(40.0, 6.0)) == (
         "MOAR: 10.0 m off workspace: fly W, denied"
     )

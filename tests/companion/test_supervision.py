@@ -260,8 +260,8 @@ def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
     [
         (22.3, 0.0, 3.0, TEMPORARILY_REJECTED, "22.3 m N of plane > 2, rejected"),
         (-150.0, 0.0, 3.0, TEMPORARILY_REJECTED, "150 m S of plane > 2, rejected"),
-        (0.0, 103.0, 3.0, DENIED, "100 m E of workspace > 60, denied"),
-        (0.0, 0.0, 120.0, DENIED, "100 m above workspace > 60, denied"),
+        (0.0, 103.0, 3.0, DENIED, "100 m off workspace > 60, E, denied"),
+        (0.0, 0.0, 120.0, DENIED, "100 m off workspace > 60, denied"),
     ],
 )
 def test_an_aircraft_that_is_not_where_the_site_says_is_not_flown(

@@ -36,7 +36,7 @@ error is visible in flight, and the setpoint waits for the aircraft. A position 
 in flight: its margin is kept."""
 _AWAY_M = 0.5
 """Distance of the sample points that show the direction away from an obstacle."""
-_FAR_M = 9_999.0
+_FAR_M = 999.0
 """Greatest distance in a text."""
 _MOST_RECOVERY_M = 999.0
 """Greatest `recovery_m` in a text."""
@@ -224,13 +224,12 @@ def too_far(site: Site, vehicle: Vehicle, place_m: PlanePoint) -> str:
     """Reason why no flight begins at a place so far outside the workspace; side by compass."""
     workspace = site.workspace
     ahead, behind = _compass_points(site)
-    sides = (f"{behind} of", f"{ahead} of", "above", "below")
-    _, side = _beyond(workspace.lower_m, workspace.upper_m, place_m, sides)
-    return pilot_texts.FAR_OUTSIDE(
-        far_m=f"{min(workspace.outside_m(place_m), _FAR_M):.0f}",
-        side=side,
-        most_m=limit_text(min(vehicle.guidance.recovery_m, _MOST_RECOVERY_M)),
-    )
+    _, side = _beyond(workspace.lower_m, workspace.upper_m, place_m, (behind, ahead, "", ""))
+    far_m = f"{min(workspace.outside_m(place_m), _FAR_M):.0f}"
+    most_m = limit_text(min(vehicle.guidance.recovery_m, _MOST_RECOVERY_M))
+    if not side:
+        return pilot_texts.FAR_OUTSIDE(far_m=far_m, most_m=most_m)
+    return pilot_texts.FAR_BESIDE(far_m=far_m, most_m=most_m, side=side)
 
 
 def _compass_points(site: Site) -> tuple[str, str]:
