@@ -34,18 +34,19 @@ _LONGEST_BYTES = 1_000_000
 _logger = logging.getLogger(__name__)
 
 
+_Vehicles = dict[str, dict[str, float]]
+"""Values by parameter, by the vehicle's name."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _File:
-    """Values by parameter, by the vehicle's name."""
+    """Content of the file."""
 
     version: Literal[1] = 1
-    vehicles: dict[str, dict[str, float]]
+    vehicles: _Vehicles
 
 
 _FILE = TypeAdapter(_File)
-
-
-_Vehicles = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,14 +11,18 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.estimation.pose import Setpoint
+from moar_companion.companion.planning.map_jobs import SettingsJob, answer_map_job
+from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.companion.status import LatestDecisions
 from moar_companion.perception.perception_report import PerceptionReport
 from moar_companion.perception.pose_notes import AttitudeNote, PointsNote, PositionNote
-from moar_companion.planner.site import Polygon
+from moar_companion.planner.planner import Planner
+from moar_companion.planner.site import Margin, Polygon
 from moar_companion.settings.perception_config import Perception, Sensor
 from tests.companion.desk import (
     EXIT,
     INSPECTION,
+    KEEP_OUT_M,
     USER_1,
     Desk,
 )
@@ -414,3 +418,25 @@ def test_a_seen_conductor_that_is_gone_permits_no_setpoint_nearer_to_the_file_co
     desk.conductors = ()
     desk.run(0.5)
     assert passable_m() == before_m
+
+
+def test_changed_settings_and_what_is_seen_are_on_the_same_maps(desk):
+    desk.conductors = (conductor(*ahead(desk)),)
+    desk.run(1.0)
+    seen, margin = desk.companion.state.seen_obstacles, Margin(position_m=1.0)
+    vehicle = replace(desk.vehicle, radius_m=0.9)
+    seen.want(vehicle, margin)
+    seen.update(desk.now_s, on_ground=False)
+    (job,) = seen.jobs()
+    kept_m = {item.name: item.keep_out_m for item in job.site.obstacles}
+    assert (job.vehicle, job.site.margin) == (vehicle, margin)
+    assert kept_m["seen-1"] == SETTINGS.keep_out_m + 1.0
+    assert kept_m["right-lower"] == pytest.approx(KEEP_OUT_M + 1.0)
+    seen.answered(answer_map_job(PlannerSet(Planner(desk.site, desk.vehicle)), job))
+    assert seen.taken(desk.now_s).vehicle is vehicle
+    seen.take(replace(seen.report, conductors=()))
+    seen.update(desk.now_s, on_ground=False)
+    (job,) = seen.jobs()
+    assert not isinstance(job, SettingsJob)
+    assert "seen-1" not in [item.name for item in job.site.obstacles]
+    assert job.site.margin == margin
