@@ -342,7 +342,7 @@ class Session:
         )
         answer = self.services.receive(
             message,
-            Asker(sender=sender, objection=objection),
+            Asker(sender=sender, objection=objection, on_board=system_id == self._system_id),
             ours=self._ids,
             is_autopilots=is_autopilots,
             now_s=now_s,

@@ -12,6 +12,7 @@ from moar_companion.companion.safety.conditions import CONDITIONS
 from moar_companion.mavlink.component.named_values import NAMED_VALUES
 from moar_companion.mavlink.dialect import create
 
+from ..mavlink.peer import Peer
 from .commands import LINKS, OPERATOR_LINK
 from .desk import EXIT, INSPECTION, LINK, Desk
 
@@ -150,6 +151,23 @@ def test_the_path_to_the_target_is_downloaded_as_a_mission():
 def test_without_a_path_the_mission_is_empty():
     assert download(at("idle")) == []
     assert download(at("flying").send_heartbeat(0x00030000).run(1.0)) == []
+
+
+@pytest.mark.parametrize("component_id", [0, 1, 190, 191])
+def test_a_request_with_the_vehicles_system_id_gets_no_answer_that_clears_its_mission(component_id):
+    desk, sender = at("flying"), Peer(1, component_id)
+    since_s = desk.now_s
+    for link in (LINK, OPERATOR_LINK):
+        for name, fields in (
+            ("MISSION_REQUEST_LIST", {}),
+            ("MISSION_REQUEST_INT", {"seq": 0}),
+            ("MISSION_CLEAR_ALL", {}),
+        ):
+            message = create(name, target_system=1, target_component=195, mission_type=0, **fields)
+            desk.handle(sender.pack(message), link).run(0.1)
+    kinds = ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK")
+    assert [m for kind in kinds for m in desk.messages(kind, since_s)] == []
+    assert len(download(desk)) >= 2
 
 
 def test_an_upload_is_denied_with_a_text_on_its_link_and_the_flight_goes_on():

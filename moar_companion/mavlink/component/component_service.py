@@ -16,6 +16,8 @@ class Asker:
     sender: Sender
     objection: str | None
     """Reason why it may not command, and so may not set anything; None if it may."""
+    on_board: bool
+    """True if it has the vehicle's system id."""
 
 
 class ComponentService(Protocol):

@@ -9,6 +9,10 @@ ground station that repeats a request never gets a mixture of two. Only what car
 component's address is answered: a request to all components means the autopilot's mission, and
 QGroundControl takes answers of any component for the autopilot's (PlanManager.cc).
 
+A sender with the vehicle's system id gets no answer. An autopilot takes a MISSION_COUNT to its own
+system for an upload, and clears its mission: PX4 one to component 0, 1 or 190, ArduPilot one to any
+component that it has no route to.
+
 Source: https://mavlink.io/en/services/mission.html (MISSION_REQUEST is answered with
 MISSION_ITEM_INT, as it requires).
 """
@@ -105,8 +109,7 @@ class PathMission:
     def handle(self, message: Message, asker: Asker, now_s: float) -> list[Message]:
         """Takes a message of the mission protocol; returns its answer."""
         sender, message_id = asker.sender, message.get_msgId()
-        if message.target_component == 0 or sender.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1:
-            # The autopilot's messages answer the companion's own requests (`fence_download`).
+        if message.target_component == 0 or _may_be_autopilot(asker):
             return []
         if message_id == _ACK:
             self._downloads.pop(sender, None)
@@ -155,6 +158,13 @@ class PathMission:
             self._events.append(MissionRefused(reason=reason, sender=sender))
         mission_type = getattr(message, "mission_type", _MISSION)
         return _acknowledgement(sender, mavlink.MAV_MISSION_DENIED, mission_type)
+
+
+def _may_be_autopilot(asker: Asker) -> bool:
+    """Returns True if an autopilot may take an answer to this sender for its own."""
+    sender = asker.sender
+    is_autopilots = sender.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1
+    return asker.on_board or sender.system_id == 0 or is_autopilots
 
 
 def _acknowledgement(sender: Sender, result: int, mission_type: int = _MISSION) -> Message:

@@ -35,7 +35,7 @@ class Reply(NamedTuple):
 
 def asker(system_id=255, component_id=190, link=LINK):
     sender = Sender(link=link, system_id=system_id, component_id=component_id)
-    return Asker(sender=sender, objection=None)
+    return Asker(sender=sender, objection=None, on_board=False)
 
 
 def request(sequence, opcode, *, session=0, size=None, offset=0, data=b"", target=(1, 195)):

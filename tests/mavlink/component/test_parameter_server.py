@@ -38,7 +38,7 @@ class Station:
     def __init__(self, kind="px4", objection=None, sender=SENDER):
         self.server = ParameterServer(PARAMETERS, [LINK, OTHER], lambda: kind)
         self.codec = Codec(system_id=sender.system_id, component_id=sender.component_id)
-        self.asker = Asker(sender=sender, objection=objection)
+        self.asker = Asker(sender=sender, objection=objection, on_board=False)
         self.now_s = 0.0
 
     def packet(self, name, **fields):

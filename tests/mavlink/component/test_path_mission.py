@@ -29,14 +29,15 @@ def path_of(length, latitude_deg=45.0):
 class Station:
     """A ground station's side of the protocol, with its ids."""
 
-    def __init__(self, server, component_id=190):
+    def __init__(self, server, component_id=190, system_id=255):
         self.server = server
-        self.sender = Sender(link="udp", system_id=255, component_id=component_id)
+        self.sender = Sender(link="udp", system_id=system_id, component_id=component_id)
         self.now_s = 100.0
 
     def send(self, name, *, target_component=195, **fields):
         message = create(name, target_system=1, target_component=target_component, **fields)
-        asker = Asker(sender=self.sender, objection=None)
+        on_board = self.sender.system_id == 1
+        asker = Asker(sender=self.sender, objection=None, on_board=on_board)
         return self.server.handle(message, asker, self.now_s)
 
     def list(self, **options):
@@ -210,6 +211,16 @@ def test_requests_to_all_components_mean_the_autopilots_mission(server):
     station = Station(server)
     assert station.list(target_component=0) == []
     assert station.send("MISSION_CLEAR_ALL", target_component=0, mission_type=0) == []
+
+
+@pytest.mark.parametrize(("system_id", "component_id"), [(1, 0), (1, 1), (1, 190), (0, 0), (2, 1)])
+def test_what_an_autopilot_may_take_for_its_own_mission_is_not_sent(
+    server, system_id, component_id
+):
+    station = Station(server, component_id, system_id)
+    assert station.list() == []
+    assert station.send("MISSION_REQUEST_INT", seq=0, mission_type=0) == []
+    assert station.send("MISSION_CLEAR_ALL", mission_type=0) == []
 
 
 def test_the_autopilots_own_messages_are_answers_to_the_companion(server):

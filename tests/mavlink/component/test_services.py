@@ -9,7 +9,8 @@ from moar_companion.mavlink.dialect import create
 from moar_companion.settings.link_config import LinkRole
 
 OURS, LINK = (1, 195), "serial:/dev/ttyTHS1:57600"
-ASKER = Asker(sender=Sender(link=LINK, system_id=255, component_id=190), objection=None)
+SENDER = Sender(link=LINK, system_id=255, component_id=190)
+ASKER = Asker(sender=SENDER, objection=None, on_board=False)
 
 
 class Echo:
