@@ -7,6 +7,7 @@ nothing else to carry but the cycle's setpoint. A setpoint then waits for one ot
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
 from .dialect import Message, mavlink
@@ -27,6 +28,9 @@ _AHEAD_S = 0.01
 """The same in time, for fast lines: half a cycle at 50 Hz."""
 _MOST_WAITING = 200
 """Limit of messages that wait for a line; beyond it the oldest are dropped."""
+_BEHIND = 8
+"""Messages that wait for a line which is behind: a text of 50 characters is one, a cycle's others
+are fewer."""
 
 
 class _Line:
@@ -100,8 +104,14 @@ class Outbox:
         """
         if self._lines:
             self._waiting.sort(key=self._order)
-            del self._waiting[:-_MOST_WAITING]
-        return self._take(lambda link, message: self._may_leave(link, message, now_s))
+        yield from self._take(lambda link, message: self._may_leave(link, message, now_s))
+        if len(self._waiting) > _MOST_WAITING:
+            self._drop_oldest()
+
+    def is_behind(self, link: str) -> bool:
+        """Returns True if so much waits for a line that nothing should be added without need."""
+        waiting = sum(name == link for name, _ in self._waiting)
+        return link in self._lines and waiting > _BEHIND
 
     def sent(self, link: str, size_bytes: int, now_s: float) -> None:
         """Notes the size of a packet that was sent on a link."""
@@ -119,7 +129,18 @@ class Outbox:
             else:
                 self._waiting.append(item)
 
+    def _drop_oldest(self) -> None:
+        """Keeps the latest that wait for each line; clock messages and others count apart."""
+        kept, counts = [], Counter[tuple[str, int]]()
+        for item in reversed(self._waiting):
+            order = self._order(item)
+            counts[item[0], order] += 1
+            if order == 0 or counts[item[0], order] <= _MOST_WAITING:
+                kept.append(item)
+        self._waiting = kept[::-1]
+
     def _order(self, item: tuple[str, Message]) -> int:
+        """0 for what leaves at once, 1 for clock messages, 2 for the others."""
         link, message = item
         if link not in self._lines or self._is_prompt(message):
             return 0

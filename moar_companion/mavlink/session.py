@@ -359,7 +359,7 @@ class Session:
         self.services.published.offer("HEARTBEAT", partial(_heartbeat, system_status, custom_mode))
         self._receiver.identity.forget_silent(now_s)
         self._send_requests(now_s)
-        for link, message in self.services.due(now_s):
+        for link, message in self.services.due(now_s, self._outbox.is_behind):
             self._outbox.send(link, message)
         self._events += self.services.events_received()
 

@@ -116,8 +116,52 @@ def test_of_more_than_a_line_carries_the_oldest_are_dropped():
     sender.cycle(*(value(float(number)) for number in range(1000)))
     sender.outbox.send(SLOW, text())
     names = [name for _ in range(600) for name in sender.cycle()]
-    assert names.count("NAMED_VALUE_FLOAT") <= 200
+    assert 0 < names.count("NAMED_VALUE_FLOAT") <= 200
     assert "STATUSTEXT" in names
+
+
+def test_a_backlog_on_a_line_drops_nothing_that_is_prompt_and_nothing_of_another_link():
+    outbox = Outbox([SLOW, NETWORK], commands_motion)
+    for number in range(1000):
+        outbox.send(SLOW, value(float(number)))
+    outbox.sent(SLOW, 10_000, 1.0)  # the line is busy for 1.7 s
+    for link in (SLOW, NETWORK):
+        outbox.send(link, acknowledgement())
+    outbox.send(SLOW, setpoint())
+    outbox.send(NETWORK, text())
+    outbox.send_heartbeat_if_due(1.0, SystemStatus.ACTIVE, 0)
+    left = {(link, message.get_type()) for link, message in outbox.take(1.0)}
+    assert left == {
+        *((link, name) for link in (SLOW, NETWORK) for name in ("HEARTBEAT", "COMMAND_ACK")),
+        (SLOW, "SET_POSITION_TARGET_LOCAL_NED"),
+        (NETWORK, "STATUSTEXT"),
+    }
+    outbox.sent(SLOW, 0, 5.0)
+    later = [message.value for _, message in outbox.take(5.0)]
+    assert later == [float(number) for number in range(800, 1000)]
+
+
+def test_clock_messages_outlast_a_backlog_of_others():
+    outbox = Outbox([SLOW], commands_motion)
+    outbox.send(SLOW, timesync())
+    for _ in range(1000):
+        outbox.send(SLOW, value())
+    outbox.sent(SLOW, 10_000, 1.0)
+    outbox.send_heartbeat_if_due(1.0, SystemStatus.ACTIVE, 0)
+    list(outbox.take(1.0))
+    assert next(outbox.take(5.0))[1].get_type() == "TIMESYNC"
+
+
+def test_a_line_is_behind_while_more_waits_for_it_than_a_cycle_sends():
+    outbox = Outbox([SLOW, NETWORK], commands_motion)
+    outbox.send_heartbeat_if_due(1.0, SystemStatus.ACTIVE, 0)
+    list(outbox.take(1.0))
+    outbox.sent(SLOW, 10_000, 1.0)
+    for _ in range(9):
+        outbox.send_to_all(value())
+    assert (outbox.is_behind(SLOW), outbox.is_behind(NETWORK)) == (True, False)
+    assert len(list(outbox.take(5.0))) == 18
+    assert not outbox.is_behind(SLOW)
 
 
 MESSAGES = {"text": text, "value": value, "clock": timesync}

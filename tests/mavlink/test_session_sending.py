@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from functools import partial
 
 import pytest
 
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import CommandCancelled, CommandResult, MissionCommand
+from moar_companion.mavlink.component.named_values import NAMED_VALUES
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.session import CommandAnswered, Session, Severity, SystemStatus
 from moar_companion.settings.link_config import LinkRole
@@ -59,6 +61,40 @@ def test_a_companion_without_cycles_for_a_while_does_not_catch_up(story):
     story.run(1.0)
     story.now_s += 30.0
     assert len(of_type(story.run(0.5), "HEARTBEAT")) == 2
+
+
+LOADS = {
+    "values to plot": (38400, 50, 45, 0),
+    "texts": (57600, 50, 12, 50),
+    "more setpoints than it carries": (57600, 100, 10, 0),
+}
+"""Rate of the line, of the setpoints; seconds; texts a second."""
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_no_load_of_a_line_stops_heartbeats_and_acknowledgements_of_any_link(
+    load, autopilot, ground_station
+):
+    baud, setpoint_hz, duration_s, texts_hz = LOADS[load]
+    line, network = f"serial:/dev/ttyTHS1:{baud}", "udp:0.0.0.0:14550"
+    reader = Codec(system_id=9, component_id=9)
+    session = Session(links={line: LinkRole.AUTOPILOT, network: LinkRole.OPERATOR})
+    session.services.values.take(dict.fromkeys(NAMED_VALUES, 1.0))
+    sent = Counter()
+    for cycle in range(duration_s * setpoint_hz):
+        now_s = 100.0 + cycle / setpoint_hz
+        if cycle % setpoint_hz == 0:
+            session.receive(line, autopilot.heartbeat(), now_s)
+            for link in (line, network):
+                session.receive(link, ground_station.command(401), now_s)
+        for number in range(texts_hz // setpoint_hz):
+            session.send_text(Severity.INFO, f"{cycle} {number}".rjust(50), now_s)
+        session.tick(now_s, SystemStatus.ACTIVE)
+        session.send_setpoint((0.0, 0.0, -10.0), (1.0, 0.0, 0.0), 0.0, now_s)
+        for link, data in [*session.control_to_send(), *session.data_to_send(control=False)]:
+            sent.update((link, message.get_type()) for message in reader.receive(data))
+    for name in ("HEARTBEAT", "COMMAND_ACK"):
+        assert {sent[link, name] for link in (line, network)} == {duration_s}
 
 
 # Requests

@@ -131,11 +131,17 @@ class ComponentServices:
         waiting.extend(done[1])
         return done[0]
 
-    def due(self, now_s: float) -> list[tuple[str, Message]]:
-        """Answers that the links have room for now, each with its link."""
+    def due(
+        self, now_s: float, is_behind: Callable[[str], bool] = lambda _link: False
+    ) -> list[tuple[str, Message]]:
+        """Answers that the links have room for now, each with its link.
+
+        is_behind: returns True for a link whose messages wait already; it gets no answers.
+        """
         return [
             (link, message)
             for link, budget in self._budgets.items()
+            if not is_behind(link)
             for message in self._due_on(link, budget, now_s)
         ]
 
