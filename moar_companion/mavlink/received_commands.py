@@ -29,6 +29,7 @@ from .commands import (
     is_request,
     stops,
 )
+from .component.requested_messages import concerns_companion
 from .dialect import Message
 from .rate_limits import SenderLimit
 
@@ -252,6 +253,8 @@ class ReceivedCommands:
         now_s: float,
     ) -> Reception:
         """Result of a command before the limit on answers. objection: reason against its sender."""
+        if isinstance(command, MessageCommand) and not concerns_companion(command):
+            return _NOTHING
         if isinstance(command, UnsupportedCommand):
             return Reception(event=command, answer=answer_to(command, CommandResult.UNSUPPORTED))
         if objection is not None and not (holds(command) or is_request(command)):

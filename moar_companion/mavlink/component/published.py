@@ -94,7 +94,10 @@ PUBLISHED: Mapping[str, Published] = {
             asked_of_all=False,
         ),
         Published(
-            name="PROTOCOL_VERSION", about="MAVLink 2 alone is sent, both are read", period_s=None
+            name="PROTOCOL_VERSION",
+            about="MAVLink 2 alone is sent, both are read",
+            period_s=None,
+            asked_of_all=False,
         ),
         Published(
             name="COMPONENT_METADATA",

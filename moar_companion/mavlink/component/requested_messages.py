@@ -44,6 +44,13 @@ Result = tuple[CommandResult, list[Message]]
 """Result of a command, and the messages that follow it."""
 
 
+def concerns_companion(command: MessageCommand) -> bool:
+    """Returns True if the companion answers: to all components only if the message is its own."""
+    message_id = _asked_id(command)
+    row = None if message_id is None else published(message_id)
+    return not command.to_all or (row is not None and row.asked_of_all)
+
+
 def clock_answer(
     message: Message, *, ours: tuple[int, int], is_autopilots: bool, now_s: float
 ) -> Message | None:
@@ -66,27 +73,16 @@ def clock_answer(
     return create("TIMESYNC", tc1=max(1, int(now_s * 1e9)), ts1=message.ts1, **source)
 
 
-def result_of(command: MessageCommand, messages: PublishedMessages, now_s: float) -> Result | None:
-    """Carries out a command; None: it is to all components, and means none of our messages."""
-    if command.command in _NUMBERED:
-        if command.parameters[0] != 1:
-            return CommandResult.DENIED, []
-        message_id = id_of(_NUMBERED[command.command])
-    else:
-        number = _whole(command.parameters[0], _GREATEST_ID)
-        if number is None:
-            return None if command.to_all else (CommandResult.DENIED, [])
-        message_id = number
-    row = published(message_id)
-    if command.to_all and message_id != _MESSAGE_INTERVAL and not (row and row.asked_of_all):
-        return None
-    if command.command == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL:
+def result_of(command: MessageCommand, messages: PublishedMessages, now_s: float) -> Result:
+    """Carries out a command that concerns the companion."""
+    message_id = _asked_id(command)
+    if message_id is None:
+        return CommandResult.DENIED, []
+    if _asks_interval(command):
         return _interval(command, message_id, messages)
+    row = published(message_id)
     if command.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
         return _set_interval(command, row, messages), []
-    if message_id == _MESSAGE_INTERVAL:
-        asked = _whole(command.parameters[1], _GREATEST_ID)
-        return _interval(command, asked, messages)
     if row is None:
         return CommandResult.UNSUPPORTED, []
     answer = messages.requested(command.sender.link, row, now_s)
@@ -95,11 +91,25 @@ def result_of(command: MessageCommand, messages: PublishedMessages, now_s: float
     return (CommandResult.ACCEPTED if answer else CommandResult.TEMPORARILY_REJECTED), answer
 
 
-def _interval(
-    command: MessageCommand, message_id: int | None, messages: PublishedMessages
-) -> Result:
+def _asked_id(command: MessageCommand) -> int | None:
+    """Number of the message that a command is about; None if it names none."""
+    name = _NUMBERED.get(command.command)
+    if name is not None:
+        return id_of(name) if command.parameters[0] == 1 else None
+    by_request = _asks_interval(command) and command.command == mavlink.MAV_CMD_REQUEST_MESSAGE
+    return _whole(command.parameters[1 if by_request else 0], _GREATEST_ID)
+
+
+def _asks_interval(command: MessageCommand) -> bool:
+    """Returns True for GET_MESSAGE_INTERVAL, and for a request of MESSAGE_INTERVAL."""
+    if command.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+        return command.parameters[0] == _MESSAGE_INTERVAL
+    return command.command == int(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL)
+
+
+def _interval(command: MessageCommand, message_id: int, messages: PublishedMessages) -> Result:
     """MESSAGE_INTERVAL of a message on the sender's link."""
-    if message_id is None or message_id > _GREATEST_INTERVAL_ID:
+    if message_id > _GREATEST_INTERVAL_ID:
         return CommandResult.DENIED, []
     row, interval_us = published(message_id), _UNAVAILABLE_US
     if row is not None:

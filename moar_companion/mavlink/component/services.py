@@ -125,11 +125,9 @@ class ComponentServices:
         waiting = self._waiting[command.sender.link]
         if len(waiting) >= _MOST_WAITING:
             return None if command.to_all else CommandResult.TEMPORARILY_REJECTED
-        done = result_of(command, self.published, now_s)
-        if done is None:
-            return None
-        waiting.extend(done[1])
-        return done[0]
+        result, messages = result_of(command, self.published, now_s)
+        waiting.extend(messages)
+        return result
 
     def due(
         self, now_s: float, is_behind: Callable[[str], bool] = lambda _link: False

@@ -41,8 +41,9 @@ def answered(story, data, *, link="network", seconds=0.3):
     return results, [message for message in sent if message.get_type() != "COMMAND_ACK"]
 
 
-def asked(story, number, *parameters, **options):
-    results, messages = answered(story, Peer(255, 190).command(number, *parameters), **options)
+def asked(story, number, *parameters, sender=None, target=(1, 195), **options):
+    data = (sender or Peer(255, 190)).command(number, *parameters, target=target)
+    results, messages = answered(story, data, **options)
     streams = {"HEARTBEAT", "TIMESYNC", "NAMED_VALUE_FLOAT", "NAMED_VALUE_INT"}
     return results, [message for message in messages if message.get_type() not in streams]
 
@@ -107,12 +108,41 @@ def test_a_number_that_is_no_messages_is_denied(met, command, number):
 
 
 def test_of_requests_to_all_components_those_that_mean_the_autopilot_get_no_answer(met):
+    attitude = id_of("ATTITUDE")
+    for command in (
+        (REQUEST, VERSION),
+        (REQUEST, PROTOCOL),
+        (519, 1),
+        (519, 0),
+        (520, 1),
+        (520, 0),
+        (REQUEST, attitude),
+        (REQUEST, MESSAGE_INTERVAL, attitude),
+        (REQUEST, MESSAGE_INTERVAL, math.nan),
+        (GET_INTERVAL, attitude),
+        (SET_INTERVAL, attitude),
+        (SET_INTERVAL, MESSAGE_INTERVAL, 1e6),
+    ):
+        for sender in (Peer(255, 190), Peer(42, 1)):  # one that may command, one that may not
+            assert asked(met, *command, sender=sender, target=ALL) == ([], []), command
+    assert met.events() == []
+
+
+def test_of_requests_to_all_components_those_of_the_companions_messages_get_an_answer(met):
+    for command in (
+        (REQUEST, FLOAT),
+        (REQUEST, MESSAGE_INTERVAL, FLOAT),
+        (GET_INTERVAL, FLOAT),
+        (SET_INTERVAL, FLOAT, 1e6),
+    ):
+        assert asked(met, *command, target=ALL)[0] == [ACCEPTED], command
+
+
+def test_broadcasts_that_mean_the_autopilot_leave_the_answers_to_requests(met):
     sender = Peer(255, 190)
-    for number, message in ((REQUEST, VERSION), (520, 1), (REQUEST, 30), (SET_INTERVAL, 30)):
-        results, messages = answered(met, sender.command(number, message, target=ALL))
-        assert results == []
-        assert "AUTOPILOT_VERSION" not in types([(m,) for m in messages])
-    assert answered(met, sender.command(519, 1, target=ALL))[0] == [ACCEPTED]
+    for second in range(200):
+        met.handle(sender.command(SET_INTERVAL, id_of("ATTITUDE"), second, target=ALL))
+    assert asked(met, REQUEST, VERSION, sender=sender, link="serial")[0] == [ACCEPTED]
 
 
 def test_a_request_is_answered_in_both_forms_of_a_command_and_its_copy_is_not(met):
