@@ -55,9 +55,12 @@ PER_CYCLE = (0, 0, 0, 1, 5, 50, 300)
 """Numbers of packets in a cycle, each for a second: lists and files are sent in between."""
 MOST_MB = 2.0
 _FTP = id_of("FILE_TRANSFER_PROTOCOL")
+_SET_INTERVAL = struct.pack("<H", mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+_GET_INTERVAL = struct.pack("<H", mavlink.MAV_CMD_GET_MESSAGE_INTERVAL)
 _COMMANDS = (*MESSAGE_COMMANDS, int(mavlink.MAV_CMD_DO_SET_MODE), 0xFFFF)
 _NUMBERS = (*map(float, map(id_of, PUBLISHED)), -1.0, 0.5, 2.0**24, 1e30, math.nan, math.inf)
 """Numbers of messages, and what is none."""
+_INTERVALS_US = (0.0, -1.0, 1.0, 5e5, 1e7, 2.1e9, 2.0**31, 3e38, -2.0, math.nan, math.inf, -3e38)
 _PATHS = [*(f"/{name}".encode() for name in metadata_files(195)), b"/", b"", b"/etc/passwd", b"@P"]
 
 
@@ -118,6 +121,8 @@ class Flood:
         self.file_transfer = mavlink.mavlink_map[_FTP]
         self.command_long = mavlink.mavlink_map[id_of("COMMAND_LONG")]
         self.before: list[bytes] = [bytes(254)]
+        self.then: tuple[str, bytes] | None = None
+        """Packet that comes next: a request for the interval that the last one has set."""
 
     def path(self) -> tuple[GeodeticPoint, ...]:
         """A planned path, to be downloaded as a mission."""
@@ -134,6 +139,9 @@ class Flood:
     def packet(self) -> tuple[str, bytes]:
         """A link and a packet."""
         pick = self.pick
+        if self.then is not None:
+            packet, self.then = self.then, None
+            return packet
         link = pick.choice((LINE, NETWORK))
         source = pick.choice(STATIONS if pick.random() < 0.9 else STRANGERS[link])
         kind = pick.random()
@@ -141,6 +149,9 @@ class Flood:
             message_class, payload = self.file_transfer, self._file_request()
         elif kind < 0.65:
             message_class, payload = self.command_long, self._command()
+            if payload[28:30] == _SET_INTERVAL:
+                asked = payload[:28] + _GET_INTERVAL + payload[30:]
+                self.then = (link, frame(message_class, asked, source, pick.randrange(256)))
         else:
             shape = pick.choice(self.shapes)
             message_class, payload = shape.message_class, hostile_payload(pick, shape, None, 1.0)
@@ -150,7 +161,7 @@ class Flood:
         """Payload of a command about messages, with any numbers."""
         pick = self.pick
         number = pick.choice(_NUMBERS) if pick.random() < 0.7 else pick.uniform(-1.0, 2.0**24)
-        interval = pick.choice((0.0, -1.0, 1.0, 5e5, 1e7, -2.0, math.nan, math.inf, -3e38))
+        interval = pick.choice(_INTERVALS_US)
         target = pick.choice((OURS, OURS, OURS, (0, 0), (1, 0), (1, 1)))
         command = pick.choice(_COMMANDS)
         return struct.pack("<7fHBBB", number, interval, *[0.0] * 5, command, *target, 0)

@@ -23,8 +23,6 @@ Content = Callable[[float], list[Message]]
 
 _SLOW_BYTES_PER_S = 4_000.0
 """Budget below which a line counts as slow: that of 160,000 baud."""
-_LONGEST_S = 1_800.0
-"""Longest interval that can be set: MESSAGE_INTERVAL tells 2,147 s at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +186,7 @@ class PublishedMessages:
         return self._streams[link, name].interval_s if row.settable else row.period_s
 
     def set_interval(self, link: str, name: str, interval_s: float | None) -> bool:
-        """Sets an interval, within its bounds; returns False where the message is never repeated.
+        """Sets an interval, at least its shortest; returns False for a message never repeated here.
 
         interval_s: 0 for the default, None to switch it off.
         """
@@ -198,7 +196,7 @@ class PublishedMessages:
         if interval_s == 0.0:
             interval_s = stream.default_s
         elif interval_s is not None:
-            interval_s = min(max(interval_s, PUBLISHED[name].shortest_s), _LONGEST_S)
+            interval_s = max(interval_s, PUBLISHED[name].shortest_s)
         stream.interval_s, stream.due_s, stream.waiting = interval_s, -math.inf, []
         return True
 

@@ -33,7 +33,7 @@ _GREATEST_INTERVAL_ID = 0xFFFF
 _OFF_US = -1
 _UNAVAILABLE_US = 0
 _LONGEST_US = 2**31 - 1
-"""Greatest interval that MESSAGE_INTERVAL can report: 35 minutes."""
+"""Longest interval that MESSAGE_INTERVAL can report, and so the longest that can be set: 35 min."""
 _NUMBERED = {
     int(mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION): "PROTOCOL_VERSION",
     int(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES): "AUTOPILOT_VERSION",
