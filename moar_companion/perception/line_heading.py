@@ -18,7 +18,7 @@ from .scan_conductors import ConductorSighting
 
 FloatArray = npt.NDArray[np.float64]
 
-_BEGIN_RAD = 0.2
+_BEGIN_RAD = 0.25
 """Standard deviation before a scan has shown it, and the greatest later on."""
 _DRIFT_RADPS = 0.1
 """Change of the error: a real PX4's changed by up to 0.05 rad/s."""
@@ -26,6 +26,8 @@ _SIGHTING_RAD = 0.02
 """Standard deviation of a wire's direction in a scan."""
 _SAME_RAD = 0.05
 """Greatest difference of directions that are the same."""
+_GATE = 3.0
+"""Greatest difference from the error before, in standard deviations: a fence beside is no wire."""
 _GREATEST_RAD = 0.7
 """Greatest error; a row that is turned by more is not of the line."""
 _ASIDE_RAD = 0.3
@@ -47,13 +49,12 @@ class LineHeading:
     seen_s: float | None = None
     blank: int = 0
 
-    @property
-    def axis(self) -> FloatArray:
+    def axis(self, *, turns: bool) -> FloatArray:
         """Unit vector (3,) along which wires are searched in the next scan.
 
-        It turns aside while scans show nothing: the error may have grown out of sight.
+        turns: it turns aside while scans show nothing, since the error may have grown out of sight.
         """
-        aside_rad = _ASIDE[self.blank % len(_ASIDE)] if self.blank > _BLANK else 0.0
+        aside_rad = _ASIDE[self.blank % len(_ASIDE)] if turns and self.blank > _BLANK else 0.0
         searched_rad = self.turned_rad + aside_rad
         return np.array([-math.sin(searched_rad), math.cos(searched_rad), 0.0])
 
@@ -65,16 +66,20 @@ class LineHeading:
         self, found: Sequence[ConductorSighting], time_s: float, *, least: int
     ) -> LineHeading | None:
         """The heading with a scan; None where fewer than `least` sightings have one direction."""
-        angles = sorted(_turned_rad(each.direction) for each in found)
-        angles = [angle for angle in angles if abs(angle) < _GREATEST_RAD]
+        elapsed_s = 0.0 if self.seen_s is None else max(0.0, time_s - self.seen_s)
+        variance = min(self.variance_rad2 + (_DRIFT_RADPS * elapsed_s) ** 2, _BEGIN_RAD**2)
+        gate_rad = _GATE * math.sqrt(variance + _SIGHTING_RAD**2)
+        angles = sorted(
+            angle
+            for angle in (_turned_rad(each.direction) for each in found)
+            if abs(angle) < _GREATEST_RAD and abs(angle - self.turned_rad) < gate_rad
+        )
         if not angles:
             return None
         middle = angles[len(angles) // 2]
         same = [angle for angle in angles if abs(angle - middle) < _SAME_RAD]
         if len(same) < least:
             return None
-        elapsed_s = 0.0 if self.seen_s is None else max(0.0, time_s - self.seen_s)
-        variance = min(self.variance_rad2 + (_DRIFT_RADPS * elapsed_s) ** 2, _BEGIN_RAD**2)
         gain = variance / (variance + _SIGHTING_RAD**2)
         return LineHeading(
             turned_rad=self.turned_rad + gain * (sum(same) / len(same) - self.turned_rad),
@@ -82,10 +87,11 @@ class LineHeading:
             seen_s=time_s,
         )
 
-    def turned_back(self, beside_m: FloatArray) -> FloatArray:
-        """Vectors (n, 3) from the sensor, without the error of the heading."""
+    @property
+    def back(self) -> FloatArray:
+        """Rotation (3, 3) that takes the error off row vectors from the sensor."""
         cos, sin = math.cos(self.turned_rad), math.sin(self.turned_rad)
-        return np.asarray(beside_m @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]))
+        return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _turned_rad(direction: FloatArray) -> float:

@@ -43,6 +43,7 @@ _TURN_RAD, _TURN_S = 0.03, 10.0
 PX4's was 2 degrees after a turn."""
 _SIGHTING_M = 0.08
 """Standard deviation of a sighting's place against the wire's: echoes, sag, survey."""
+_NOISE = np.eye(2) * _SIGHTING_M**2
 _SURVEY_M = 0.05
 """Error that all sightings share, and which no number of scans makes less."""
 _JUMP_M = 0.05
@@ -105,7 +106,7 @@ class LineTracker:
     @property
     def axis(self) -> FloatArray:
         """Unit vector (3,), by the estimate, along which the next scan's wires are searched."""
-        return self._heading.axis
+        return self._heading.axis(turns=bool(self._wires_m))
 
     @property
     def offset_m(self) -> PlanePoint:
@@ -118,17 +119,16 @@ class LineTracker:
         sensor_m: (3,) or (n, 3); both as the estimate places them.
         """
         x_m, z_m, turn_rad = self._mean
-        seen = points_m - sensor_m
-        beside = self._heading.turned_back(seen)
-        turned = turn_rad * np.column_stack((beside[:, 2], np.zeros(len(beside)), -beside[:, 0]))
-        return np.asarray(points_m + np.array([x_m, 0.0, z_m]) + turned + (beside - seen))
+        about_line = np.array([[1.0, 0.0, -turn_rad], [0.0, 1.0, 0.0], [turn_rad, 0.0, 1.0]])
+        change = self._heading.back @ about_line - np.eye(3)
+        return np.asarray(points_m + np.array([x_m, 0.0, z_m]) + (points_m - sensor_m) @ change)
 
     def placed_sighting(
         self, sighting: ConductorSighting, sensor_m: FloatArray
     ) -> ConductorSighting:
         """A sighting in the line's frame. sensor_m: (3,)."""
         (point_m,) = self.placed(sighting.point_m[None], sensor_m)
-        (direction,) = self._heading.turned_back(sighting.direction[None])
+        direction = sighting.direction @ self._heading.back
         return replace(sighting, point_m=point_m, direction=direction)
 
     @property
@@ -155,8 +155,8 @@ class LineTracker:
         if best is not None and self._agrees(best):
             self._mean, self._covariance = best.mean, best.covariance
             self._seen_s, self._matched = time_s, pairs
-        # Once the wires are known, others turn nothing.
-        by_line = best is not None or not self.is_known
+        # Other rows than the line's turn nothing, once its wires are listed.
+        by_line = best is not None or not self._wires_m
         self._heading = shown if shown is not None and by_line else self._heading.missed()
         if not self._should_see(sensor_m) or pairs >= min(_LEAST_PAIRS, len(places) - 1):
             self._contradicted_s = None
@@ -264,9 +264,9 @@ def _crossing_m(
     sighting: ConductorSighting, sensor_m: FloatArray, heading: LineHeading
 ) -> PlanePoint:
     """Crossing of the site's plane, as the estimate places it, without the heading's error."""
-    (beside,) = heading.turned_back((sighting.point_m - sensor_m)[None])
-    (direction,) = heading.turned_back(sighting.direction[None])
-    return replace(sighting, point_m=sensor_m + beside, direction=direction).crossing_m()
+    point_m = sensor_m + (sighting.point_m - sensor_m) @ heading.back
+    direction = sighting.direction @ heading.back
+    return replace(sighting, point_m=point_m, direction=direction).crossing_m()
 
 
 def _unknown() -> FloatArray:
@@ -304,43 +304,47 @@ class _Search:
             self._most = max(self._most, len(so_far.pairs))
             self._found.append(so_far)
             return
-        taken = {wire for _, wire in so_far.pairs}
-        for wire in self._compatible(so_far, index):
-            if wire not in taken and (longer := self._paired(so_far, index, wire)) is not None:
-                self._extend(longer, index + 1)
+        for longer in self._paired(so_far, index):
+            self._extend(longer, index + 1)
         self._extend(so_far, index + 1)
 
-    def _innovation(self, so_far: _Hypothesis, index: int) -> tuple[FloatArray, FloatArray]:
-        """Jacobian (2, 3) and covariance (2, 2) of a sighting's distance from a wire."""
-        x_m, z_m = self._beside[index]
-        jacobian = np.array([[1.0, 0.0, z_m], [0.0, 1.0, -x_m]])
-        noise = np.eye(2) * _SIGHTING_M**2
-        return jacobian, jacobian @ so_far.covariance @ jacobian.T + noise
-
-    def _compatible(self, so_far: _Hypothesis, index: int) -> list[int]:
-        """Wires that a sighting may be of, the nearest first."""
-        jacobian, spread = self._innovation(so_far, index)
-        off = self._wires - self._places[index] - jacobian @ so_far.mean
-        squared = np.einsum("ij,jk,ik->i", off, np.linalg.inv(spread), off)
-        order = np.argsort(squared, kind="stable")
-        return [int(wire) for wire in order if squared[wire] < _PAIR]
-
-    def _paired(self, so_far: _Hypothesis, index: int, wire: int) -> _Hypothesis | None:
-        """The hypothesis with one more pair; None where all pairs do not fit together.
+    def _paired(self, so_far: _Hypothesis, index: int) -> list[_Hypothesis]:
+        """The hypotheses with one more pair, of the nearest wire first, whose pairs fit together.
 
         The innovations of successive updates are independent: their squared distances add up to the
-        joint one.
+        joint one. Gain and covariance are those of any wire.
         """
-        jacobian, spread = self._innovation(so_far, index)
-        off = self._wires[wire] - self._places[index] - jacobian @ so_far.mean
-        inverse = np.linalg.inv(spread)
-        squared = so_far.squared + float(off @ inverse @ off)
-        if squared > _PER_PAIR * (len(so_far.pairs) + 1):
-            return None
-        gain = so_far.covariance @ jacobian.T @ inverse
-        return _Hypothesis(
-            pairs=(*so_far.pairs, (index, wire)),
-            squared=squared,
-            mean=so_far.mean + gain @ off,
-            covariance=so_far.covariance - gain @ spread @ gain.T,
-        )
+        x_m, z_m = self._beside[index]
+        jacobian = np.array([[1.0, 0.0, z_m], [0.0, 1.0, -x_m]])
+        across = so_far.covariance @ jacobian.T
+        spread = jacobian @ across + _NOISE
+        inverse = _inverse(spread)
+        off = self._wires - self._places[index] - jacobian @ so_far.mean
+        squared = ((off @ inverse) * off).sum(axis=1)
+        most = min(_PAIR, _PER_PAIR * (len(so_far.pairs) + 1) - so_far.squared)
+        taken = {wire for _, wire in so_far.pairs}
+        wires = [
+            int(wire)
+            for wire in np.argsort(squared, kind="stable")
+            if squared[wire] < most and wire not in taken
+        ]
+        if not wires:
+            return []
+        gain = across @ inverse
+        covariance = so_far.covariance - gain @ across.T
+        return [
+            _Hypothesis(
+                pairs=(*so_far.pairs, (index, wire)),
+                squared=so_far.squared + float(squared[wire]),
+                mean=so_far.mean + gain @ off[wire],
+                covariance=covariance,
+            )
+            for wire in wires
+        ]
+
+
+def _inverse(spread: FloatArray) -> FloatArray:
+    """Inverse of a covariance (2, 2)."""
+    (a, b), (_, c) = spread.tolist()
+    share = 1.0 / (a * c - b * b)
+    return np.array([[c * share, -b * share], [-b * share, a * share]])

@@ -25,12 +25,12 @@ def turned(angle_deg, sign=1.0):
     )
 
 
-def after(*scans, heading=None, least=2):
+def after(*scans, heading=None, from_s=0.0):
     """The heading after scans, each with sightings at some angles in degrees."""
     heading = LineHeading() if heading is None else heading
     for number, angles in enumerate(scans):
         found = [turned(angle) for angle in angles]
-        shown = heading.shown_by(found, number * SCAN_S, least=least)
+        shown = heading.shown_by(found, from_s + number * SCAN_S, least=2)
         heading = heading.missed() if shown is None else shown
     return heading
 
@@ -63,6 +63,18 @@ def test_two_rows_in_different_directions_show_nothing():
     assert degrees(after(*[(-8.0, 8.0)] * 5)) == 0.0
 
 
+def test_more_rows_of_a_fence_than_of_wires_turn_nothing_once_the_heading_is_known():
+    heading = after(*[(5.0, 5.0)] * 10)
+    scans = [(5.0, 5.0, 16.0, 16.0, 16.0)] * 20
+    assert degrees(after(*scans, heading=heading, from_s=1.0)) == pytest.approx(5.0, abs=0.3)
+
+
+def test_a_reset_of_the_heading_is_found_again_within_two_seconds():
+    heading = after(*[(5.0, 5.0)] * 10)
+    heading = after(*[(20.0, 20.0, 20.0)] * 20, heading=heading, from_s=1.0)
+    assert degrees(heading) == pytest.approx(20.0, abs=0.5)
+
+
 def test_a_row_that_is_turned_by_more_than_any_heading_is_not_of_the_line():
     assert degrees(after(*[(55.0, 55.0)] * 5)) == 0.0
 
@@ -71,19 +83,22 @@ def test_what_is_seen_is_turned_back_about_the_sensor():
     heading = after(*[(20.0, 20.0)] * 10)
     angle = math.radians(20.0)
     seen = np.array([[math.cos(angle), math.sin(angle), 3.0]])  # true: ahead, and 3 m up
-    assert heading.turned_back(seen)[0] == pytest.approx([1.0, 0.0, 3.0], abs=0.01)
+    assert (seen @ heading.back)[0] == pytest.approx([1.0, 0.0, 3.0], abs=0.01)
 
 
 def test_wires_are_searched_along_the_direction_in_which_they_were_seen():
-    assert after(*[(20.0, 20.0)] * 10).axis == pytest.approx(turned(20.0).direction, abs=0.03)
+    assert after(*[(20.0, 20.0)] * 10).axis(turns=True) == pytest.approx(
+        turned(20.0).direction, abs=0.03
+    )
 
 
 def test_after_scans_without_the_line_searches_turn_to_both_sides_and_back():
     heading, searched = after(*[(20.0, 20.0)] * 10), set()
     for _ in range(20):
         heading = heading.missed()
-        x, y, _ = heading.axis
+        x, y, _ = heading.axis(turns=True)
         searched.add(round(math.degrees(math.atan2(-x, y))))
+        assert heading.axis(turns=False) == pytest.approx(turned(20.0).direction, abs=0.03)
     assert searched == {3, 20, 37}
-    found = after(*[(35.0, 35.0)] * 10, heading=heading)
+    found = after(*[(35.0, 35.0)] * 10, heading=heading, from_s=3.0)
     assert degrees(found) == pytest.approx(35.0, abs=1.0)
