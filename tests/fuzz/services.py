@@ -55,8 +55,10 @@ PER_CYCLE = (0, 0, 0, 1, 5, 50, 300)
 """Numbers of packets in a cycle, each for a second: lists and files are sent in between."""
 MOST_MB = 2.0
 _FTP = id_of("FILE_TRANSFER_PROTOCOL")
-_SET_INTERVAL = struct.pack("<H", mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
-_GET_INTERVAL = struct.pack("<H", mavlink.MAV_CMD_GET_MESSAGE_INTERVAL)
+_SET_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+_GET_INTERVAL = int(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL)
+_COMMAND_AT = 28
+"""Place of the command's number in the payload of COMMAND_LONG."""
 _COMMANDS = (*MESSAGE_COMMANDS, int(mavlink.MAV_CMD_DO_SET_MODE), 0xFFFF)
 _NUMBERS = (*map(float, map(id_of, PUBLISHED)), -1.0, 0.5, 2.0**24, 1e30, math.nan, math.inf)
 """Numbers of messages, and what is none."""
@@ -149,9 +151,12 @@ class Flood:
             message_class, payload = self.file_transfer, self._file_request()
         elif kind < 0.65:
             message_class, payload = self.command_long, self._command()
-            if payload[28:30] == _SET_INTERVAL:
-                asked = payload[:28] + _GET_INTERVAL + payload[30:]
-                self.then = (link, frame(message_class, asked, source, pick.randrange(256)))
+            (command,) = struct.unpack_from("<H", payload, _COMMAND_AT)
+            if command == _SET_INTERVAL:
+                asked = bytearray(payload)
+                struct.pack_into("<H", asked, _COMMAND_AT, _GET_INTERVAL)
+                packet = frame(message_class, bytes(asked), source, pick.randrange(256))
+                self.then = (link, packet)
         else:
             shape = pick.choice(self.shapes)
             message_class, payload = shape.message_class, hostile_payload(pick, shape, None, 1.0)
@@ -163,7 +168,7 @@ class Flood:
         number = pick.choice(_NUMBERS) if pick.random() < 0.7 else pick.uniform(-1.0, 2.0**24)
         interval = pick.choice(_INTERVALS_US)
         target = pick.choice((OURS, OURS, OURS, (0, 0), (1, 0), (1, 1)))
-        command = pick.choice(_COMMANDS)
+        command = _SET_INTERVAL if pick.random() < 0.5 else pick.choice(_COMMANDS)
         return struct.pack("<7fHBBB", number, interval, *[0.0] * 5, command, *target, 0)
 
     def _file_request(self) -> bytes:
