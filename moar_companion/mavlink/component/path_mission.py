@@ -28,7 +28,7 @@ from ...texts import pilot_texts
 from ...types import GeodeticPoint
 from ..commands import Sender
 from ..dialect import Message, create, id_of, mavlink
-from ..rate_limits import RateLimit
+from ..rate_limits import SenderLimit
 from .component_service import Asker
 
 _LIST, _ACK = id_of("MISSION_REQUEST_LIST"), id_of("MISSION_ACK")
@@ -94,7 +94,7 @@ class PathMission:
         self._path: Path = ()
         self._downloads: dict[Sender, _Download] = {}
         """By ground station, the one silent longest first."""
-        self._texts = RateLimit(burst=1, rate_hz=0.5)
+        self._texts = SenderLimit(burst=1, rate_hz=0.5, link_burst=5, link_rate_hz=1.0)
         self._events: list[MissionRefused] = []
 
     def offer(self, path: Path) -> None:
@@ -152,7 +152,7 @@ class PathMission:
         return _waypoint(sender, message.seq, download.path[message.seq])
 
     def _refusal(self, message: Message, sender: Sender, now_s: float) -> Message:
-        """MISSION_ACK that denies a change; its text comes at most every two seconds."""
+        """MISSION_ACK that denies a change; its text is limited by sender and by link."""
         if self._texts.allows(sender, now_s):
             reason = pilot_texts.FOR_AUTOPILOT(kind="mission", detail="the path is read only")
             self._events.append(MissionRefused(reason=reason, sender=sender))

@@ -201,6 +201,14 @@ def test_many_refusals_have_one_text_in_two_seconds(server):
     assert len(server.events_received()) == 2
 
 
+def test_refusals_of_many_senders_have_one_text_a_second_on_a_link(server):
+    for number in range(2000):
+        station = Station(server, component_id=2 + number % 180)
+        station.now_s = 100.0 + number * 0.01
+        station.send("MISSION_CLEAR_ALL", mission_type=0)
+    assert len(server.events_received()) == 5 + 19
+
+
 def test_fence_and_rally_points_are_not_supported(server):
     for kind in (1, 2, 255):
         (answer,) = Station(server).list(mission_type=kind)
