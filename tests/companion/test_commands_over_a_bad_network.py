@@ -79,7 +79,7 @@ class GroundStation:
         return [message for message in self.received if message.get_type() == kind]
 
 
-@pytest.mark.parametrize("seed", sampled(range(2), range(40)))
+@pytest.mark.parametrize("seed", sampled(range(1), range(40)))
 def test_orders_are_answered_and_none_is_carried_out_twice(seed):
     desk = Desk(links=LINKS).come_to("idle")
     station = GroundStation(desk, seed)
@@ -96,7 +96,7 @@ def test_orders_are_answered_and_none_is_carried_out_twice(seed):
     assert desk.companion.status.task.mission.value == "exit"
 
 
-@pytest.mark.parametrize("seed", sampled(range(2), range(40)))
+@pytest.mark.parametrize("seed", sampled(range(1), range(40)))
 def test_requests_and_intervals_are_answered_and_take_effect_once(seed):
     desk = Desk(links=LINKS).come_to("idle")
     station = GroundStation(desk, seed)

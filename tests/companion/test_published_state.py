@@ -94,6 +94,7 @@ def test_the_status_follows_what_the_companion_does():
     assert status(desk.run(1.1).send_heartbeat(desk.ours)) == ACTIVE
 
 
+@pytest.mark.slow
 def test_a_flight_that_a_condition_holds_is_critical_and_shows_its_number():
     desk = at("flying").set(wind_mps=17.0).run_until("holding", 10.0)
     assert status(desk) == CRITICAL
