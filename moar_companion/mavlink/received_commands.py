@@ -50,6 +50,13 @@ class Permissions:
             return system_id in GROUND_STATION_IDS or system_id == vehicle_id
         return system_id in self.rules.systems
 
+    def may_request(self, system_id: int, *, vehicle_id: int) -> bool:
+        """Returns True if a system gets what it requests: one that may command, or the vehicle's.
+
+        An answer uses the bandwidth of a link.
+        """
+        return system_id == vehicle_id or self.allows_system(system_id, vehicle_id=vehicle_id)
+
     def objection(self, sender: Sender, *, vehicle_id: int, signed: bool) -> str | None:
         """Reason why a sender may not command, as a text; None if permitted.
 
@@ -238,6 +245,9 @@ class ReceivedCommands:
             return self._cancel(message, system_id=system_id, component_id=component_id)
         command = interpret(message, link=link, system_id=system_id, component_id=component_id)
         if command is None:
+            return _NOTHING
+        may_request = self.permissions.may_request(sender.system_id, vehicle_id=system_id)
+        if is_request(command) and not may_request:
             return _NOTHING
         reception = self._reception(command, message, objection, now_s)
         limited = reception.answer is not None or reception.asked is not None

@@ -268,8 +268,7 @@ class Session:
         vehicle_id, asked = self._system_id, self.requests.unidentified
         if self.autopilot is None and asked is not None and asked[0] == link:
             vehicle_id = asked[1][0]
-        allows = self.commands.permissions.allows_system
-        return system_id == vehicle_id or allows(system_id, vehicle_id=vehicle_id)
+        return self.commands.permissions.may_request(system_id, vehicle_id=vehicle_id)
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
         if _source(message) == self._ids:

@@ -2,8 +2,8 @@
 
 Answers to TIMESYNC and PING are sent at once, within a rate, since they measure a round trip. All
 else waits for room in the link's budget (`link_budget`), in turn: short answers in the order of
-their requests, published messages, and of each service the lists and files that were asked for on
-the link. Memory and cost of a packet are bounded, for any number of requests.
+their requests, requested messages, published ones, and of each service the lists and files that
+were asked for on the link. Memory and cost of a packet are bounded, for any number of requests.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ from .requested_messages import (
 
 _MOST_WAITING = 64
 """Limit of short answers that wait on a link; beyond it a request gets none and is repeated."""
+_MOST_REQUESTED = 16
+"""Limit of requested messages that wait on a link; beyond it a request is rejected for now."""
 _MOST_A_CYCLE = 16
 """Limit of the packets of one cycle and link: at 50 Hz more than any budget pays for."""
 
@@ -73,6 +75,9 @@ class ComponentServices:
             self._services += (self.parameters,)
         self._budgets = {link: LinkBudget(link) for link in links}
         self._waiting: dict[str, deque[Message]] = {link: deque() for link in links}
+        """Short answers of the services, by link."""
+        self._requested: dict[str, deque[Message]] = {link: deque() for link in links}
+        """Published messages that commands have requested, by link."""
         self._turn = dict.fromkeys(links, 0)
         """Source of messages whose turn it is, by link."""
         self._at_once = _answer_limit()
@@ -122,11 +127,11 @@ class ComponentServices:
 
         The messages that it requests follow when the link has room.
         """
-        waiting = self._waiting[command.sender.link]
-        if len(waiting) >= _MOST_WAITING:
+        requested = self._requested[command.sender.link]
+        if len(requested) >= _MOST_REQUESTED:
             return None if command.to_all else CommandResult.TEMPORARILY_REJECTED
         result, messages = result_of(command, self.published, now_s)
-        waiting.extend(messages)
+        requested.extend(messages)
         return result
 
     def due(
@@ -155,7 +160,7 @@ class ComponentServices:
 
     def _next_on(self, link: str, most_bytes: int, now_s: float) -> Message | None:
         """Next message on a link, from each source in turn."""
-        sources = len(self._services) + 2
+        sources = len(self._services) + 3
         for _ in range(sources):
             turn = self._turn[link]
             self._turn[link] = (turn + 1) % sources
@@ -165,11 +170,12 @@ class ComponentServices:
         return None
 
     def _next_of(self, turn: int, link: str, most_bytes: int, now_s: float) -> Message | None:
-        if turn == 0:
-            return self._waiting[link].popleft() if self._waiting[link] else None
-        if turn == 1:
+        if turn < 2:
+            waiting = (self._waiting, self._requested)[turn][link]
+            return waiting.popleft() if waiting else None
+        if turn == 2:
             return self.published.next_due(link, now_s)
-        return self._services[turn - 2].next_answer(link, most_bytes, now_s)
+        return self._services[turn - 3].next_answer(link, most_bytes, now_s)
 
     def _component_version(self, _now_s: float) -> list[Message]:
         served = frozenset[int]().union(*(service.MESSAGE_IDS for service in self._services))

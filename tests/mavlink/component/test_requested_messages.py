@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import pytest
 
+from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import DeniedCommand
 from moar_companion.mavlink.component.named_values import NAMED_VALUES
 from moar_companion.mavlink.component.published import PUBLISHED
 from moar_companion.mavlink.component.services import ComponentServices
 from moar_companion.mavlink.dialect import id_of, mavlink
+from moar_companion.mavlink.session import Session, SystemStatus
 from moar_companion.mavlink.translate_outgoing import trajectory_messages
+from moar_companion.settings.config import Commands
 from moar_companion.settings.link_config import LinkRole
 
 from ..peer import Peer
-from ..story import types
+from ..story import Story, types
 
 GET_INTERVAL, SET_INTERVAL, REQUEST = 510, 511, 512
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
@@ -222,12 +226,48 @@ def test_the_heartbeats_interval_is_fixed(met):
     assert interval_us(met, id_of("HEARTBEAT")) == 1_000_000
 
 
-def test_who_may_not_command_sets_no_interval_but_may_ask(met):
+def test_a_system_that_may_not_command_sets_no_interval_and_gets_no_messages(met):
     stranger = Peer(42, 1)
     assert answered(met, stranger.command(SET_INTERVAL, INT, -1))[0] == [DENIED]
     (denied,) = [event for event in met.events() if isinstance(event, DeniedCommand)]
     assert "system 42 may not command" in denied.reason
-    assert answered(met, stranger.command(GET_INTERVAL, INT))[0] == [ACCEPTED]
+    for command, number in ((GET_INTERVAL, INT), (REQUEST, VERSION)):
+        assert asked(met, command, number, sender=stranger) == ([], [])
+
+
+def test_requests_of_strangers_use_up_no_answers_of_a_link(met):
+    for number in range(500):
+        met.handle(Peer(42, 1 + number % 180).command(REQUEST, VERSION), link="network")
+    assert asked(met, REQUEST, VERSION)[0] == [ACCEPTED]
+
+
+def test_a_component_that_may_not_command_sets_no_interval_but_may_ask(autopilot):
+    story = Story(commands=Commands(components=(190,)))
+    story.meet(autopilot)
+    other = Peer(255, 191)
+    assert answered(story, other.command(SET_INTERVAL, INT, -1))[0] == [DENIED]
+    assert answered(story, other.command(GET_INTERVAL, INT))[0] == [ACCEPTED]
+
+
+def test_requested_messages_that_wait_on_a_slow_line_leave_room_for_the_services(autopilot):
+    line, read = "serial:/dev/ttyTHS1:9600", Codec(system_id=9, component_id=9)
+    session = Session(links={line: LinkRole.AUTOPILOT})
+    session.receive(line, autopilot.heartbeat(), 100.0)
+    sent = Counter()
+    for cycle in range(3000):
+        now_s = 100.0 + cycle * 0.02
+        if cycle % 5 == 0:
+            station = Peer(255, 2 + cycle % 180)
+            session.receive(line, station.command(REQUEST, MESSAGE_INTERVAL, cycle), now_s)
+        if cycle % 250 == 249:
+            wanted = {"target_system": 1, "target_component": 195, "mission_type": 0}
+            session.receive(line, Peer(255, 190).send("MISSION_REQUEST_LIST", **wanted), now_s)
+        session.tick(now_s, SystemStatus.ACTIVE)
+        for _, data in session.data_to_send():
+            sent.update(message.get_type() for message in read.receive(data))
+        if cycle % 250 == 199:
+            assert sent["MISSION_COUNT"] == cycle // 250
+    assert sent["MESSAGE_INTERVAL"] > 100
 
 
 def path_ahead(now_s):
