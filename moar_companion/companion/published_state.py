@@ -14,6 +14,7 @@ from ..types import GeodeticPoint, Vector
 from .cycle_state import CycleState
 from .estimation.landed_state import grounded
 from .mission_states import ENGAGED, STREAMING, MissionState
+from .safety.autopilot_failsafe import taken_mode
 from .safety.check_inputs import ROUTE_MAX_AGE_S
 from .safety.condition_types import Action
 from .safety.conditions import CONDITIONS
@@ -25,18 +26,25 @@ _NUMBERS = {condition.name: number for number, condition in enumerate(CONDITIONS
 def system_status(state: CycleState) -> SystemStatus:
     """State of the companion in its heartbeat.
 
-    EMERGENCY: a condition has released an aircraft in the air, and lasts, or the aircraft leaves a
-    place where it would hit something. CRITICAL: a condition holds the flight, or ends it by an
-    exit or evacuation. ACTIVE: setpoints are sent. STANDBY: none are.
+    EMERGENCY: a condition has released the aircraft in the air, until a pilot takes the mode or an
+    operator orders a release, or the aircraft leaves a place where it would hit something.
+    CRITICAL: a condition holds the flight, or ends it by an exit or evacuation. ACTIVE: setpoints
+    are sent. STANDBY: none are.
     """
     mission, action = state.status.state, state.ruling.action
-    if mission is MissionState.RELEASED and action is Action.RELEASE:
-        return SystemStatus.STANDBY if grounded(state.telemetry) else SystemStatus.EMERGENCY
+    if mission is MissionState.RELEASED and state.status.by_condition and _is_unattended(state):
+        return SystemStatus.EMERGENCY
     if mission not in STREAMING:
         return SystemStatus.STANDBY
     if action >= Action.LEAVE:
         return SystemStatus.EMERGENCY
     return SystemStatus.CRITICAL if action >= Action.HOLD else SystemStatus.ACTIVE
+
+
+def _is_unattended(state: CycleState) -> bool:
+    """Returns True in the air in our mode or in one that a failsafe has chosen."""
+    failsafe_flies = taken_mode(state.telemetry) is not None
+    return (state.mode_ours or failsafe_flies) and not grounded(state.telemetry)
 
 
 def publish(state: CycleState) -> None:

@@ -14,7 +14,7 @@ from moar_companion.mavlink.dialect import create
 
 from ..mavlink.peer import Peer
 from .commands import LINKS, OPERATOR_LINK
-from .desk import EXIT, INSPECTION, LINK, Desk
+from .desk import EXIT, INSPECTION, LINK, RELEASE, Desk
 
 STANDBY, ACTIVE, CRITICAL, EMERGENCY = 3, 4, 5, 6
 INT_UNKNOWN = 0xFFFFFFFF
@@ -109,6 +109,31 @@ def test_an_aircraft_that_is_released_in_the_air_is_an_emergency_until_it_is_on_
     assert desk.state == "released"
     assert status(desk) == EMERGENCY
     assert status(desk.set(armed=False)) == STANDBY
+
+
+def test_after_a_stall_the_emergency_lasts_until_a_pilot_takes_the_mode():
+    desk = at("flying")
+    desk.step(1.5)
+    for _ in range(4):
+        assert (status(desk), desk.state) == (EMERGENCY, "released")
+    assert status(desk.send_heartbeat(0x00030000)) == STANDBY
+
+
+def test_an_emergency_outlasts_its_cause_and_ends_with_an_operators_release():
+    desk = at("flying").set(mute={"LOCAL_POSITION_NED"}).run(2.0)
+    assert status(desk.set(mute=set()).run(2.0)) == EMERGENCY
+    assert status(desk.order(RELEASE)) == STANDBY
+
+
+def test_a_release_that_an_operator_orders_is_no_emergency():
+    desk = at("flying").order(RELEASE)
+    assert (status(desk), desk.state) == (STANDBY, "released")
+
+
+def test_a_stall_before_control_is_no_emergency():
+    desk = at("ready")
+    desk.step(1.5)
+    assert (status(desk), desk.state) == (STANDBY, "released")
 
 
 def test_a_pilot_who_takes_over_is_no_emergency():

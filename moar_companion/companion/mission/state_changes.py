@@ -25,7 +25,7 @@ def entered(
     status: MissionStatus, state: MissionState, now_s: float, *, keep_requested: bool = False
 ) -> MissionStatus:
     """Enters a state; drops the awaited plan, unless kept."""
-    after = replace(status, state=state, since_s=now_s)
+    after = replace(status, state=state, since_s=now_s, by_condition=False)
     return after if keep_requested else replace(after, requested=None, order_id=None)
 
 

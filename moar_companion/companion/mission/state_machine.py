@@ -115,7 +115,7 @@ def command(
             return dropped, (*effects, done)
         return dropped, (done,)
     if order is Order.RELEASE:
-        return replace(status, task=None), (done,)
+        return replace(status, task=None, by_condition=False), (done,)
     return answer_rejected(status, order_id, pilot_texts.NOTHING_FLOWN())
 
 
@@ -262,7 +262,7 @@ def _released(
     landed = row.rest is MissionState.IDLE and task is not None
     if rest is not None and row.passing:
         effects = (*effects, SendText(service_texts.CONTINUE_POSSIBLE()))
-    return replace(silent, landed=landed), effects
+    return replace(silent, landed=landed, by_condition=True), effects
 
 
 def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now_s: float) -> Step:

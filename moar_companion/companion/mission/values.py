@@ -82,6 +82,9 @@ class MissionStatus:
     """Time when that was last found."""
     landed: bool = False
     """True if the landing has ended the last task."""
+    by_condition: bool = False
+    """While released: a condition has ended control, and no operator has ordered a release since.
+    """
 
     def without(self, *tasks: Task, now_s: float) -> MissionStatus:
         """Returns the status without these tasks as escape routes for a while."""

@@ -53,8 +53,8 @@ PUBLISHED: Mapping[str, Published] = {
             name="HEARTBEAT",
             about="STANDBY: no setpoints are sent; ACTIVE: they are; CRITICAL: a condition holds "
             "the flight, or ends it by an escape; EMERGENCY: a condition has released the aircraft "
-            "in the air, or it leaves a place where it would hit something; custom_mode: the "
-            "mission state",
+            "in the air, until a pilot takes the mode or an operator orders a release, or it "
+            "leaves a place where it would hit something; custom_mode: the mission state",
             period_s=1.0,
             settable=False,
             asked_of_all=False,
