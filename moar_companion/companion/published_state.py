@@ -96,11 +96,18 @@ def _target(state: CycleState) -> int | None:
 
 
 def _mission(state: CycleState) -> tuple[GeodeticPoint, ...]:
-    """Corners of the path that is flown or offered, on the map; none without a path."""
+    """Corners of the path that is flown or offered, on the map; none without a path.
+
+    Where the autopilot's position will be, as ground stations draw it: without the line's offset.
+    """
     flight, site = state.routes.flight, state.site
     if flight is None or site is None or state.status.state not in STREAMING:
         return ()
-    return tuple(site.frame.to_geodetic(corner_m) for corner_m in flight.corners_m())
+    x_m, z_m = state.pose_tracker.offset_m
+    return tuple(
+        site.frame.to_geodetic((corner_m[0] - x_m, corner_m[1], corner_m[2] - z_m))
+        for corner_m in flight.corners_m()
+    )
 
 
 def _ahead_ned_m(state: CycleState) -> tuple[Vector, ...]:

@@ -13,18 +13,9 @@ from moar_companion.perception.perception_report import LineOffset
 from moar_companion.perception.pose_notes import PositionNote
 
 from .desk import HOLD, INSPECTION, STEP_S
-from .watched import Watched
+from .watched import Watched, by_line
 
 AHEAD_M = (0.9, -0.6)
-
-
-def by_line(desk, x_m, z_m, **changes):
-    """The line shows from now on that the aircraft is (x_m, z_m) from where the autopilot says."""
-    seen = LineOffset(
-        offset_m=(x_m, z_m), covariance_m2=(0.01, 0.0, 0.01), seen_s=desk.now_s, wires=5
-    )
-    desk.line = replace(seen, **changes)
-    return desk
 
 
 def estimate_m(desk):

@@ -9,12 +9,15 @@ import pytest
 
 from moar_companion.companion.safety.check_inputs import Host
 from moar_companion.companion.safety.conditions import CONDITIONS
+from moar_companion.mavlink.autopilots import profile
 from moar_companion.mavlink.component.named_values import NAMED_VALUES
 from moar_companion.mavlink.dialect import create
+from moar_companion.types import GeodeticPoint
 
 from ..mavlink.peer import Peer
 from .commands import LINKS, OPERATOR_LINK
 from .desk import EXIT, INSPECTION, LINK, RELEASE, Desk
+from .watched import Watched, by_line
 
 STANDBY, ACTIVE, CRITICAL, EMERGENCY = 3, 4, 5, 6
 INT_UNKNOWN = 0xFFFFFFFF
@@ -172,6 +175,22 @@ def test_the_path_to_the_target_is_downloaded_as_a_mission():
     assert places[-1][0] == pytest.approx(end.latitude_deg, abs=cell_m * 1e-5)
     assert places[-1][1] == pytest.approx(end.longitude_deg, abs=cell_m * 2e-5)
     assert places[-1][2] == pytest.approx(end.altitude_amsl_m, abs=cell_m)
+
+
+def test_the_mission_is_where_the_autopilot_will_report_the_aircraft_by_the_line():
+    desk = by_line(Watched(links=LINKS).run(2.0), 0.9, -0.6).run(0.3).come_to("flying")
+    state = desk.companion.state
+    assert state.pose_tracker.offset_m == pytest.approx((0.9, -0.6))
+    places = download(desk)
+    origin = state.telemetry.local_origin.point
+    corners_m = state.routes.flight.corners_m()
+    assert len(places) == len(corners_m) >= 2
+    for (latitude_deg, longitude_deg, altitude_m), corner_m in zip(places, corners_m, strict=True):
+        point = GeodeticPoint(
+            latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude_m
+        )
+        flown_ned_m = state.pose_tracker.plane.position_to_ned(corner_m)
+        assert profile("px4").to_local_ned(point, origin) == pytest.approx(flown_ned_m, abs=0.05)
 
 
 def test_without_a_path_the_mission_is_empty():

@@ -99,3 +99,12 @@ def copied(flight):
     twin.planner = Planner(usual.site, usual.vehicle)
     twin.planners = type(twin.planners)(twin.planner)
     return twin
+
+
+def by_line(desk, x_m, z_m, **changes):
+    """The line shows from now on that the aircraft is (x_m, z_m) from where the autopilot says."""
+    seen = LineOffset(
+        offset_m=(x_m, z_m), covariance_m2=(0.01, 0.0, 0.01), seen_s=desk.now_s, wires=5
+    )
+    desk.line = replace(seen, **changes)
+    return desk
