@@ -89,8 +89,6 @@ _OVERTAKEN_S = 0.05
 does not restart (a shell starts one per command). So sequence numbers give the order."""
 _DOUBLED_S = 0.5
 """Time in which the network's own copies of a packet arrive: some milliseconds suffice."""
-_DECISION_TIMEOUT_S = 10.0
-"""Time without an answer after which a command may be given again as new."""
 _MAX_REMEMBERED = 64
 _PROGRESS_UNKNOWN = 255
 _IN_PROGRESS_AFTER_S = 0.2
@@ -116,7 +114,6 @@ class _Received:
 
     __slots__ = (
         "answer",
-        "answered_s",
         "command",
         "executed_s",
         "progress_due_s",
@@ -128,7 +125,7 @@ class _Received:
         self.command = command
         self.sequence = sequence
         self.answer = answer_to(command, CommandResult.IN_PROGRESS, progress=_PROGRESS_UNKNOWN)
-        self.received_s = self.answered_s = now_s
+        self.received_s = now_s
         self.executed_s: float | None = None
         """Time when its execution began; None while it waits."""
         self.progress_due_s = now_s + _IN_PROGRESS_AFTER_S
@@ -137,10 +134,6 @@ class _Received:
     def open(self) -> bool:
         """True until the final answer is sent."""
         return self.answer.result is CommandResult.IN_PROGRESS
-
-    def is_awaited(self, now_s: float) -> bool:
-        """True while the final answer is still expected: 10 s at most since the last answer."""
-        return self.open and now_s - self.answered_s <= _DECISION_TIMEOUT_S
 
     def is_repeat(self, sender: Sender, now_s: float, *, confirmed: bool) -> bool:
         """True if the same command received now is a repeat; confirmed: confirmation > 0."""
@@ -342,7 +335,6 @@ class ReceivedCommands:
         if received is None:
             return None
         received.answer = answer_to(command, result, progress=progress, result_param2=result_param2)
-        received.answered_s = now_s
         if received.open:
             received.progress_due_s = now_s + _IN_PROGRESS_PERIOD_S
         else:
@@ -365,7 +357,7 @@ class ReceivedCommands:
     ) -> CommandAnswer | None:
         """Returns the answer to a repeated or late command; None if the command is executed."""
         sender, known = command.sender, self._remembered.get(_key(command))
-        awaited = known and known.is_awaited(now_s) and known is self._latest(_key(command)[:3])
+        awaited = known and known.open and known is self._latest(_key(command)[:3])
         if known and awaited and not (stops(command) and self._moves_since(known)):
             return replace(known.answer, receiver=sender)
         if stops(command):

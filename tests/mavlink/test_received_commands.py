@@ -225,12 +225,14 @@ def test_a_command_that_comes_over_two_links_is_carried_out_once(ground_station)
     assert answer.result is CommandResult.ACCEPTED
 
 
-def test_a_command_without_an_answer_may_be_given_again(ground_station):
+def test_a_command_whose_decision_takes_long_is_in_progress_when_it_is_given_again(ground_station):
     desk = Desk()
-    desk.receive(ground_station.command(USER_1, 0))
-    desk.now_s += 11.0
-    event, _ = desk.receive(ground_station.command(USER_1, 0))
-    assert isinstance(event, MissionCommand)
+    command, _ = desk.receive(ground_station.command(USER_1, 1))
+    for _ in range(5):
+        desk.now_s += 11.0
+        event, answer = desk.receive(ground_station.command(USER_1, 1))
+        assert (event, answer.result) == (None, CommandResult.IN_PROGRESS)
+    assert desk.ledger.waiting == [command]
 
 
 def test_a_newer_command_with_the_same_number_takes_over_the_answer(ground_station):
