@@ -19,6 +19,7 @@ MAVSDK (mavlink_ftp_client.cpp) and pymavlink (mavftp.py).
 from __future__ import annotations
 
 import enum
+import math
 import struct
 import zlib
 from collections import deque
@@ -188,11 +189,12 @@ class _Burst:
 class _Session:
     """A file that a ground station has opened, and what it reads of it."""
 
-    __slots__ = ("burst", "closed", "name", "opened", "opened_s", "reads", "used_s")
+    __slots__ = ("burst", "closed", "closed_s", "name", "opened", "opened_s", "reads", "used_s")
 
     def __init__(self, request: _Request, now_s: float) -> None:
         self.closed: _Request | None = None
         """Request that has closed the file last."""
+        self.closed_s = -math.inf
         self.reads: deque[_Request] = deque(maxlen=_MOST_READS)
         self.burst: _Burst | None = None
         self.used_s = now_s
@@ -206,9 +208,9 @@ class _Session:
         self.opened, self.opened_s = request, now_s
         self._end_reading()
 
-    def close(self, request: _Request) -> None:
+    def close(self, request: _Request, now_s: float) -> None:
         """Closes the file."""
-        self.name, self.closed = None, request
+        self.name, self.closed, self.closed_s = None, request, now_s
         self._end_reading()
 
     def _end_reading(self) -> None:
@@ -220,6 +222,15 @@ class _Session:
         if self.name is None or now_s - self.opened_s > _LATE_S:
             return False
         return 0 < (self.opened.sequence - request.sequence & 0xFFFF) < 0x8000
+
+    def was_opened_by(self, request: _Request, now_s: float) -> bool:
+        """Returns True for a copy of the request that has opened the file, which is closed.
+
+        After RESET_SESSIONS, and later, it is of a client that has started again.
+        """
+        if self.closed is None or self.closed.opcode != Opcode.TERMINATE_SESSION:
+            return False
+        return request == self.opened and now_s - self.closed_s <= _DOUBLED_S
 
     def next_reply(self, file: bytes, most_bytes: int, now_s: float) -> _Reply | None:
         """Next packet of the open file with this content: of a read, then of a burst."""
@@ -331,6 +342,8 @@ class FileServer:
         elif session.is_late(request, now_s):
             if request.path != session.name:
                 return None
+        elif session.was_opened_by(request, now_s):
+            return _ack(request, len(file).to_bytes(4, "little"))
         elif session.name is None or request != session.opened:
             session.open(request, now_s)
         self._sessions[key].used_s = now_s
@@ -341,14 +354,14 @@ class FileServer:
         if session is None or (session.name is None and request != session.closed):
             return _nak(request, FtpError.INVALID_SESSION)
         if session.name is not None and not session.is_late(request, now_s):
-            session.close(request)
+            session.close(request, now_s)
         return _ack(request)
 
     def _reset(self, request: _Request, sender: Sender, now_s: float) -> _Reply:
         """Closes the files of a ground station, its own alone: others go on reading theirs."""
         for key, session in self._sessions.items():
             if key.sender == sender and not session.is_late(request, now_s):
-                session.close(request)
+                session.close(request, now_s)
         return _ack(request)
 
     def _read(self, request: _Request, key: _Key, now_s: float) -> _Reply | None:

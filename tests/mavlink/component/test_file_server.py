@@ -173,6 +173,17 @@ def test_a_late_copy_of_an_open_request_does_not_bring_the_file_before_back(clie
     assert client.one(READ, size=10, offset=300).data == FILES["parameter.json.xz"][300:310]
 
 
+def test_a_copy_of_an_open_request_does_not_open_the_closed_file_again(client):
+    opened = client.open()
+    assert client.one(TERMINATE).opcode == ACK
+    client.now_s += 0.2
+    assert client.open(sequence=1) == opened
+    assert client.one(READ, size=10, sequence=9).error == SESSION
+    client.now_s += 0.2  # a client that has started again, with the same numbers
+    assert client.open(sequence=1) == opened
+    assert client.one(READ, size=10).data == FILES["parameter.json.xz"][:10]
+
+
 @pytest.mark.parametrize("opcode", [TERMINATE, RESET])
 def test_a_late_copy_of_an_end_does_not_close_the_next_file(client, opcode):
     client.open(b"/general.json.xz")
