@@ -122,22 +122,22 @@ def named_value_message(name: str, value: float, now_s: float, *, whole: bool = 
 def trajectory_messages(points_ned_m: Sequence[Vector], now_s: float) -> list[Message]:
     """TRAJECTORY_REPRESENTATION_WAYPOINTS: the first five points, in local NED; none without one.
 
-    Speeds, accelerations and headings are NaN: not told. command: no MAV_CMD.
+    Speeds, accelerations and headings are NaN: unknown. command: no MAV_CMD.
     """
     if not points_ned_m:
         return []
-    told = points_ned_m[:_TRAJECTORY_POINTS]
-    unused = _TRAJECTORY_POINTS - len(told)
-    axes = [[*axis, *[math.nan] * unused] for axis in zip(*told, strict=True)]
-    untold = [math.nan] * _TRAJECTORY_POINTS
+    first_ned_m = points_ned_m[:_TRAJECTORY_POINTS]
+    unused = _TRAJECTORY_POINTS - len(first_ned_m)
+    axes = [[*axis, *[math.nan] * unused] for axis in zip(*first_ned_m, strict=True)]
+    unknown = [math.nan] * _TRAJECTORY_POINTS
     return [
         create(
             "TRAJECTORY_REPRESENTATION_WAYPOINTS",
             time_usec=int(now_s * 1e6),
-            valid_points=len(told),
+            valid_points=len(first_ned_m),
             **dict(zip(("pos_x", "pos_y", "pos_z"), axes, strict=True)),
-            **dict.fromkeys(("vel_x", "vel_y", "vel_z", "acc_x", "acc_y", "acc_z"), untold),
-            **dict.fromkeys(("pos_yaw", "vel_yaw"), untold),
+            **dict.fromkeys(("vel_x", "vel_y", "vel_z", "acc_x", "acc_y", "acc_z"), unknown),
+            **dict.fromkeys(("pos_yaw", "vel_yaw"), unknown),
             command=[_UNUSED_16] * _TRAJECTORY_POINTS,
         )
     ]

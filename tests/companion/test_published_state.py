@@ -235,9 +235,9 @@ def test_the_next_corners_of_the_path_are_drawn_for_operators_alone():
     assert 1 <= ahead.valid_points <= 5
     points = list(zip(ahead.pos_x, ahead.pos_y, ahead.pos_z, strict=True))
     assert all(math.isnan(value) for point in points[ahead.valid_points :] for value in point)
-    told = points[: ahead.valid_points]
+    corners = points[: ahead.valid_points]
     setpoint = desk.setpoints()[-1]
-    way = [(setpoint.x, setpoint.y, setpoint.z), *told]
+    way = [(setpoint.x, setpoint.y, setpoint.z), *corners]
     assert sum(math.dist(*step) for step in pairwise(way)) <= plotted(desk)["TO_GO"] + 1.0
     assert ahead.command == [0xFFFF] * 5
 

@@ -89,7 +89,7 @@ class Profile:
     """True if it sends most messages unrequested."""
     line_share: float
     """Share of a serial line's rate for its messages; the rest is for answers, lists and packets of
-    other senders. PX4 itself uses half of the rate, unless told otherwise."""
+    other senders. PX4 itself uses half of the rate, by default."""
     rates_hz: Mapping[str, float]
     """Wanted rates by message name, beside and before those of all autopilots (`message_rates`)."""
     integers_bytewise: bool

@@ -9,8 +9,8 @@ in every process: compressed JSON, whose checksum tells a ground station that it
 MAVLink has no schema of commands yet: `commands.json` has the form of QGroundControl's own tables
 of commands (MavCmdInfo).
 
-What ground stations do with it: MAVSDK downloads the metadata of each component that it is told
-of. QGroundControl asks the autopilot alone (component 1), so that it shows the companion's
+What ground stations do with it: MAVSDK downloads the metadata of each component whose id it is
+given. QGroundControl asks the autopilot alone (component 1), so that it shows the companion's
 parameters by their names, without units and descriptions. It downloads the parameters of ArduPilot
 as a file, and then sends no PARAM_REQUEST_LIST to all components, at a refresh neither: beside
 ArduPilot it does not show the companion's parameters at all. A request by name is always answered.

@@ -1,4 +1,4 @@
-"""What a service of the component is, and who asks it."""
+"""Methods of a service of the component, and the sender of a request."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Asker:
 
 
 class ComponentService(Protocol):
-    """What a ground station asks of the component. Every call takes constant time."""
+    """Short answers to some messages of ground stations. Every call takes constant time."""
 
     MESSAGE_IDS: frozenset[int]
     """Messages that it reads; all have a target system and component."""
@@ -29,8 +29,12 @@ class ComponentService(Protocol):
     def handle(self, message: Message, asker: Asker, now_s: float) -> list[Message]:
         """Takes a request to the companion or to all components; returns its short answers."""
 
+
+class PacedService(ComponentService, Protocol):
+    """A service that also answers with lists or files, packet by packet."""
+
     def next_answer(self, link: str, most_bytes: int, now_s: float) -> Message | None:
-        """Next packet of a list or a file that was asked for on this link; None: none is due.
+        """Next packet of a list or a file that was requested on this link; None: none is due.
 
         most_bytes: size of the largest packet, with 25 bytes around the payload, where the service
         chooses its size.

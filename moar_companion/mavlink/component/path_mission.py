@@ -123,10 +123,6 @@ class PathMission:
             return [_count(sender, self._begun(sender, now_s).path)]
         return [self._item(message, sender, now_s)]
 
-    def next_answer(self, _link: str, _most_bytes: int, _now_s: float) -> Message | None:
-        """Nothing is sent unrequested."""
-        return None
-
     def _begun(self, sender: Sender, now_s: float) -> _Download:
         """The download of a ground station that requests the list."""
         download = self._downloads.pop(sender, None)

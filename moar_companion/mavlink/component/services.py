@@ -1,9 +1,9 @@
-"""The hook of the session for all services of the component: who is answered, and how much. No I/O.
+"""Hook of the session for the services of the component, with the limits of answers. No I/O.
 
 Answers to TIMESYNC and PING are sent at once, within a rate, since they measure a round trip. All
 else waits for room in the link's budget (`link_budget`), in turn: short answers in the order of
 their requests, requested messages, published ones, and of each service the lists and files that
-were asked for on the link. Memory and cost of a packet are bounded, for any number of requests.
+were requested on the link. Memory and cost of a packet are bounded, for any number of requests.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..commands import CommandResult, MessageCommand
 from ..dialect import Message
 from ..rate_limits import SenderLimit
 from .component_metadata import component_information, component_metadata, metadata_files
-from .component_service import Asker, ComponentService
+from .component_service import Asker, ComponentService, PacedService
 from .file_server import FileServer
 from .link_budget import LinkBudget
 from .named_values import NamedValues
@@ -67,12 +67,13 @@ class ComponentServices:
         self.path = PathMission()
         """The planned path, for a download."""
         files = FileServer(metadata_files(component_id))
-        self._services: tuple[ComponentService, ...] = (self.path, files)
+        self._paced: tuple[PacedService, ...] = (files,)
         self.parameters: ParameterServer | None = None
         """The present settings; None without parameters."""
         if parameters is not None:
             self.parameters = ParameterServer(parameters, links, autopilot)
-            self._services += (self.parameters,)
+            self._paced += (self.parameters,)
+        self._services: tuple[ComponentService, ...] = (self.path, *self._paced)
         self._budgets = {link: LinkBudget(link) for link in links}
         self._waiting: dict[str, deque[Message]] = {link: deque() for link in links}
         """Short answers of the services, by link."""
@@ -160,7 +161,7 @@ class ComponentServices:
 
     def _next_on(self, link: str, most_bytes: int, now_s: float) -> Message | None:
         """Next message on a link, from each source in turn."""
-        sources = len(self._services) + 3
+        sources = len(self._paced) + 3
         for _ in range(sources):
             turn = self._turn[link]
             self._turn[link] = (turn + 1) % sources
@@ -175,7 +176,7 @@ class ComponentServices:
             return waiting.popleft() if waiting else None
         if turn == 2:
             return self.published.next_due(link, now_s)
-        return self._services[turn - 3].next_answer(link, most_bytes, now_s)
+        return self._paced[turn - 3].next_answer(link, most_bytes, now_s)
 
     def _component_version(self, _now_s: float) -> list[Message]:
         served = frozenset[int]().union(*(service.MESSAGE_IDS for service in self._services))

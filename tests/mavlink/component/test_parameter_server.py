@@ -250,7 +250,7 @@ def test_on_a_bad_link_a_list_is_complete_and_each_value_set_once():
     chance = random.Random(3)
     station = Station()
     services = ComponentServices(dict.fromkeys((LINK, OTHER), LinkRole.OPERATOR), 195)
-    services._services = (station.server,)
+    services._services = services._paced = (station.server,)
     known, wanted, set_events = {}, dict.fromkeys(NAMES), []
     under_way = []
 

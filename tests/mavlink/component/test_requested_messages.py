@@ -310,7 +310,9 @@ def test_a_message_that_delays_setpoints_is_not_repeated_on_a_slow_line(baud, se
     ("number", "words"),
     [(176, "mode commands go to component 1"), (400, "arming commands go to component 1")],
 )
-def test_a_command_of_the_autopilot_is_denied_and_told_where_it_belongs(met, number, words):
+def test_a_command_of_the_autopilot_is_denied_with_a_text_that_names_its_receiver(
+    met, number, words
+):
     assert answered(met, Peer(255, 190).command(number, 1))[0] == [DENIED]
     (denied,) = [event for event in met.events() if isinstance(event, DeniedCommand)]
     assert words in denied.reason

@@ -35,7 +35,7 @@ VALUE = {"param_id": b"A", "param_value": 1.0, "param_type": 9, "param_count": 1
 
 def services_with(*services):
     made = ComponentServices({LINK: LinkRole.AUTOPILOT}, component_id=195)
-    made._services = services
+    made._services = made._paced = services
     return made
 
 
