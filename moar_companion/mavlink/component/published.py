@@ -11,6 +11,7 @@ them take 390 of the 5,760 B/s at 57,600 baud.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -74,16 +75,16 @@ PUBLISHED: Mapping[str, Published] = {
             shortest_s=0.5,
         ),
         Published(
-            name="ONBOARD_COMPUTER_STATUS",
-            about="free memory and disk of the computer",
-            period_s=1.0,
-        ),
-        Published(
             name="TRAJECTORY_REPRESENTATION_WAYPOINTS",
             about="the next five corners of the path, in the autopilot's local NED frame; on "
             "links of operators alone, since PX4 before v1.16 can be set to follow it",
             period_s=1.0,
             to_autopilot=False,
+        ),
+        Published(
+            name="ONBOARD_COMPUTER_STATUS",
+            about="free memory and disk of the computer",
+            period_s=1.0,
         ),
         Published(
             name="AUTOPILOT_VERSION",
@@ -120,7 +121,11 @@ def published(message_id: int) -> Published | None:
 
 
 class _Stream:
-    """One kind of message on one link: its interval, and what of it waits to be sent."""
+    """One kind of message on one link: its interval, and what of it waits to be sent.
+
+    Of a kind of several messages an interval may end before all are sent. Then the next begins with
+    the first that was not, so that each comes in turn.
+    """
 
     def __init__(self, default_s: float | None, *, possible: bool) -> None:
         self.default_s = default_s
@@ -129,17 +134,36 @@ class _Stream:
         self.possible = possible
         """False where it is never repeated on this link."""
         self.due_s = -math.inf
-        self.waiting: list[Message] = []
+        self._waiting: deque[Message] = deque()
+        self._sent = 0
+        """Place in the last content up to which it was sent."""
 
-    def begin(self, content: Content, now_s: float) -> None:
-        """Makes the messages of an interval that has ended; those left of the last are dropped.
+    def set_interval(self, interval_s: float | None) -> None:
+        """Begins an interval at once; None switches it off."""
+        self.interval_s, self.due_s = interval_s, -math.inf
+        self._waiting.clear()
 
-        While there is none the next interval does not begin.
-        """
+    def is_behind(self, now_s: float) -> bool:
+        """Returns True if an interval has ended before all of its messages were sent."""
+        return bool(self._waiting) and now_s >= self.due_s
+
+    def next_due(self, content: Content, now_s: float) -> Message | None:
+        """Next message; None: none is due."""
+        self._begin_if_due(content, now_s)
+        if not self._waiting:
+            return None
+        self._sent += 1
+        return self._waiting.popleft()
+
+    def _begin_if_due(self, content: Content, now_s: float) -> None:
+        """Makes the messages of the next interval; while there is none it does not begin."""
         if self.interval_s is None or now_s < self.due_s:
             return
-        self.waiting = content(now_s)[::-1]
-        if self.waiting:
+        first = self._sent if self._waiting else 0
+        self._waiting = deque(content(now_s))
+        if self._waiting:
+            self._sent = first % len(self._waiting)
+            self._waiting.rotate(-self._sent)
             late = now_s - self.due_s >= self.interval_s
             self.due_s = (now_s if late else self.due_s) + self.interval_s
 
@@ -156,6 +180,8 @@ class PublishedMessages:
             for row in PUBLISHED.values()
             if row.settable
         }
+        self._names = {link: [name for on, name in self._streams if on == link] for link in links}
+        """Kinds of messages by link, in the order of sending."""
 
     def _stream(self, link: str, row: Published) -> _Stream:
         budget = self._budgets[link]
@@ -197,16 +223,21 @@ class PublishedMessages:
             interval_s = stream.default_s
         elif interval_s is not None:
             interval_s = max(interval_s, PUBLISHED[name].shortest_s)
-        stream.interval_s, stream.due_s, stream.waiting = interval_s, -math.inf, []
+        stream.set_interval(interval_s)
         return True
 
     def next_due(self, link: str, now_s: float) -> Message | None:
-        """Next message that is due on a link; None: none is."""
-        for name, content in self._contents.items():
-            stream = self._streams.get((link, name))
-            if stream is None or not stream.possible:
+        """Next message that is due on a link; None: none is due.
+
+        A kind whose interval ended before all of it was sent comes after the other kinds.
+        """
+        names = self._names[link]
+        names.sort(key=lambda name: self._streams[link, name].is_behind(now_s))
+        for name in names:
+            content, stream = self._contents.get(name), self._streams[link, name]
+            if content is None or not stream.possible:
                 continue
-            stream.begin(content, now_s)
-            if stream.waiting:
-                return stream.waiting.pop()
+            message = stream.next_due(content, now_s)
+            if message is not None:
+                return message
         return None

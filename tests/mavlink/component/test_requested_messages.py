@@ -198,6 +198,19 @@ def interval_us(story, message, number=GET_INTERVAL, **options):
     return answer.interval_us
 
 
+def test_of_more_values_than_a_slow_line_carries_each_comes_and_the_mission_state_each_second():
+    line = "serial:/dev/ttyTHS1:9600"
+    services = ComponentServices({line: LinkRole.AUTOPILOT}, component_id=195)
+    services.values.take(dict.fromkeys(NAMED_VALUES, 1.0))
+    sent = [
+        message.name for cycle in range(1000) for _, message in services.due(100.0 + cycle * 0.02)
+    ]
+    counts = Counter(sent)
+    assert {counts[name] for name in ("M_STATE", "CONDITION", "M_TARGET")} <= {19, 20}
+    floats = [counts[name] for name, value in NAMED_VALUES.items() if not value.whole]
+    assert min(floats) >= max(floats) - 1 > 3
+
+
 @pytest.mark.parametrize("number", [GET_INTERVAL, REQUEST])
 def test_the_interval_is_reported_as_it_is_sent(met, number):
     assert interval_us(met, INT, number) == 500_000
