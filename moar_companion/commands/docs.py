@@ -237,7 +237,12 @@ def _published() -> str:
 
 
 def _values() -> str:
+    from ..companion.mission_states import MissionState  # noqa: PLC0415
     from ..mavlink.component.named_values import NAMED_VALUES  # noqa: PLC0415
+
+    states = ", ".join(f"{state.number} {state.words}" for state in MissionState)
+    abouts = {name: row.about for name, row in NAMED_VALUES.items()}
+    abouts["M_STATE"] += f": {states}"
 
     def message(whole: bool) -> str:
         return "NAMED_VALUE_INT" if whole else "NAMED_VALUE_FLOAT"
@@ -245,7 +250,7 @@ def _values() -> str:
     return _table(
         "name | unit | meaning | message",
         (
-            f"| `{row.name}` | {row.unit} | {row.about} | {message(row.whole)} |"
+            f"| `{row.name}` | {row.unit} | {abouts[row.name]} | {message(row.whole)} |"
             for row in NAMED_VALUES.values()
         ),
     )

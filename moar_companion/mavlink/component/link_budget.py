@@ -2,8 +2,8 @@
 
 A serial line of 57,600 baud carries 5,760 bytes a second. Setpoints at 50 Hz take 3,250 of them,
 and bytes that the kernel holds cannot be overtaken. So all of these get a quarter of the line,
-packet by packet: at 57,600 baud 1,440 B/s. Values to plot take 560 of these, and a list of 100
-parameters 7 s.
+packet by packet: at 57,600 baud 1,440 B/s. A list of 100 parameters takes 6 s beside the values to
+plot (bytes: configs/guides/links.md).
 """
 
 from __future__ import annotations

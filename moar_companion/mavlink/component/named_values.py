@@ -42,8 +42,7 @@ NAMED_VALUES: Mapping[str, NamedValue] = {
         NamedValue(
             name="M_STATE",
             unit="",
-            about="mission state as custom_mode of the heartbeat: 0 idle, 1 planning, 2 ready, "
-            "3 flying, 4 at target, 5 landing leg, 6 holding, 7 overridden, 8 released",
+            about="mission state as custom_mode of the heartbeat",
             whole=True,
         ),
         NamedValue(

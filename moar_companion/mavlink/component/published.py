@@ -4,8 +4,7 @@ In: the contents, as functions of the time; intervals that ground stations set. 
 are due. An interval is kept by link, as both autopilots do, and until the process ends.
 
 A message whose packet takes a serial line longer than one cycle is not sent there, since a setpoint
-behind it would come a cycle late. Values to plot come twice a second, on a slow line once: 13 of
-them take 390 of the 5,760 B/s at 57,600 baud.
+behind it would come a cycle late. Values to plot come twice a second, on a slow line once.
 """
 
 from __future__ import annotations

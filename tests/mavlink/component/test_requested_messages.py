@@ -9,13 +9,14 @@ import pytest
 
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import DeniedCommand
-from moar_companion.mavlink.component.named_values import NAMED_VALUES
+from moar_companion.mavlink.component.link_budget import size_bytes
+from moar_companion.mavlink.component.named_values import NAMED_VALUES, NamedValues
 from moar_companion.mavlink.component.published import PUBLISHED
 from moar_companion.mavlink.component.services import ComponentServices
 from moar_companion.mavlink.dialect import id_of, mavlink
 from moar_companion.mavlink.session import Session, SystemStatus
 from moar_companion.mavlink.translate_outgoing import trajectory_messages
-from moar_companion.settings.config import Commands
+from moar_companion.settings.config import Commands, shipped_configs
 from moar_companion.settings.link_config import LinkRole
 
 from ..peer import Peer
@@ -346,3 +347,14 @@ def test_each_value_has_a_name_that_mavlink_carries():
 
 def test_each_published_message_exists():
     assert all(id_of(name) >= 0 for name in PUBLISHED)
+
+
+def test_the_guide_to_slow_lines_has_the_bytes_of_the_values_signed_and_unsigned():
+    values = NamedValues()
+    values.take({name: 3 if value.whole else 0.3 for name, value in NAMED_VALUES.items()})
+    messages = [*values.floats(1.0), *values.integers(1.0)]
+    signed = sum(map(size_bytes, messages))
+    unsigned = sum(len(Peer(1, 195).pack(message)) for message in messages)
+    page = (shipped_configs() / "guides" / "links.md").read_text()
+    row = f"; signed {round(signed, -1)} | {round(unsigned, -1)} | {round(unsigned, -1)} |"
+    assert f"| values to plot, each second{row}\n" in page
