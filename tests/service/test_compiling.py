@@ -78,7 +78,7 @@ def test_an_order_waits_for_a_planner_that_is_only_loaded():
     station = Station()
     station.companion.await_planner()
     station.order(INSPECTION)
-    assert station.run(0.5) == ([], "")
+    assert station.run(0.5) == ([IN_PROGRESS], "")
     station.companion.take_ground(ready())
     answers, texts = station.run(1.0)
     assert answers == [TEMPORARILY_REJECTED]
