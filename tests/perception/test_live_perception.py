@@ -364,7 +364,7 @@ def test_a_reason_is_reported_while_all_packets_are_refused():
 def test_in_the_frame_of_a_line_that_is_known_a_jump_of_the_estimate_moves_nothing():
     scene = LidarScene(wires=(CABLE,), boxes=(CRANE,))
     rig = Rig(scene, HOVER, settings=replace(VELODYNE, fly_by_line=True))
-    before = last(rig, 1.5)
+    before = last(rig, 3.8)
     rig.jump((2.05, 0.0, -1.37))
     after = last(rig, 1.0)
     assert [each.name for each in after.conductors] == [each.name for each in before.conductors]
