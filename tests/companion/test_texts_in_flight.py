@@ -207,7 +207,7 @@ def test_a_mission_of_targets_with_long_names_is_reported_in_single_chunks():
 
 @pytest.mark.parametrize(
     ("height_m", "words"),
-    [(120.0, " m above workspace > 60, denied"), (2.6, None)],
+    [(120.0, " m off workspace > 60, denied"), (2.6, None)],
 )
 def test_a_start_outside_the_workspace_is_reported_with_the_aircrafts_position(height_m, words):
     desk = Desk(height_m=height_m)
