@@ -359,8 +359,8 @@ class FlightParameters:
         """
         parameter = flight_parameters()[name]
         given = shortest(value)
-        if not math.isfinite(value) or (parameter.choices and parameter.to_file(given) == given):
-            raise ParameterError(f"{name} is {given:g}, must be {parameter.allowed}")
+        if not math.isfinite(given) or (parameter.choices and parameter.to_file(given) == given):
+            raise ParameterError(f"{name} is {value:g}, must be {parameter.allowed}")
         changed = {key: item for key, item in self.changed.items() if key != name}
         if given != shortest(self.in_file(name)):
             changed[name] = given
@@ -466,13 +466,19 @@ def _copied(content: Any) -> Any:
 
 
 def shortest(value: float) -> float:
-    """The shortest decimal that is the same number in single precision: 0.3, not 0.30000001."""
+    """The shortest decimal that is the same number in single precision: 0.3, not 0.30000001.
+
+    Infinite where single precision ends; NaN stays.
+    """
+    single = _single(value)
+    decimals = (float(f"{single:.{digits}g}") for digits in range(1, 10))
+    return next((number for number in decimals if _single(number) == single), single)
+
+
+def _single(value: float) -> float:
+    """A number in single precision; infinite beyond its range."""
     try:
-        single = struct.pack("<f", value)
+        (single,) = struct.unpack("<f", struct.pack("<f", value))
     except OverflowError:
-        return value
-    return next(
-        number
-        for digits in range(1, 10)
-        if struct.pack("<f", number := float(f"{value:.{digits}g}")) == single
-    )
+        return math.copysign(math.inf, value)
+    return float(single)

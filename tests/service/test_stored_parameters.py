@@ -98,6 +98,20 @@ def test_a_value_that_is_no_longer_valid_is_dropped_with_one_text(started, tmp_p
     assert (fault.reason, fault.action) == ("2 stored parameters not valid", "dropped")
 
 
+@pytest.mark.parametrize("number", ["3.4028235e38", "-3.4028235e38", "1e300", "1e999", "NaN"])
+def test_a_number_without_end_is_dropped_and_the_service_starts(number, started, tmp_path):
+    write(tmp_path, values(LIM_WIND=9.0, SAFE_D_MAX=7.0).replace("9.0", number))
+    settings = started()
+    assert settings.parameters.changed == {"SAFE_D_MAX": 7.0}
+    (problem,) = settings.problems
+    assert "LIM_WIND is " in problem
+
+
+def test_a_number_of_more_digits_than_a_single_is_taken(started, tmp_path):
+    write(tmp_path, values(LIM_WIND=46.37611578667585))
+    assert started().config.supervision.wind_limit_mps == pytest.approx(46.376115)
+
+
 BROKEN = ["", "{", "[]", "\0" * 300, values(LIM_WIND="9"), values(LIM_WIND=9).replace("1,", "2,")]
 
 

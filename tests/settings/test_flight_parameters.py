@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import struct
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from moar_companion.settings.config import CompanionConfig, shipped_configs
@@ -181,23 +182,48 @@ def test_weights_are_not_all_0() -> None:
     )
 
 
-@given(st.sampled_from(_NAMES), st.floats(width=32))
+_SINGLES = st.integers(0, 2**32 - 1).map(lambda bits: struct.unpack("<f", bits.to_bytes(4))[0])
+_LARGEST = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
+_NEAR_A_MIDPOINT = 46.37611578667585
+"""Between two singles: its nine digits are the other one."""
+
+
+@given(st.sampled_from(_NAMES), st.floats() | _SINGLES)
+@example("LIM_WIND", _LARGEST)
+@example("LIM_WIND", -_LARGEST)
+@example("LIM_WIND", 1e300)
+@example("LIM_WIND", _NEAR_A_MIDPOINT)
+@example("LIM_GCS_ACTION", math.nan)
 def test_any_value_is_refused_or_read_back_as_it_was_set(name: str, value: float) -> None:
-    try:
-        changed = PARAMETERS.with_value(name, value)
-    except ParameterError:
-        assert PARAMETERS.changed == {}
+    stored, texts = PARAMETERS.with_stored({name: value})
+    if texts:
+        assert stored.changed == PARAMETERS.changed == {}
+        assert texts == [_refusal(name, value)]
         return
+    changed = PARAMETERS.with_value(name, value)
+    assert stored.changed == changed.changed
     assert changed.value(name) == pytest.approx(value, rel=1e-6, abs=1e-12)
     changed.apply(_CONFIG)
     for other in _NAMES:
         assert other == name or changed.value(other) == PARAMETERS.value(other)
 
 
-@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
+def _single_bytes(value: float) -> bytes:
+    return struct.pack("<f", value)
+
+
+@given(st.floats(-_LARGEST, _LARGEST) | _SINGLES.filter(math.isfinite))
+@example(_LARGEST)
+@example(-_LARGEST)
+@example(struct.unpack("<f", b"\xf0\xff\x7f\x7f")[0])
+@example(_NEAR_A_MIDPOINT)
 def test_the_shortest_decimal_is_the_same_single(value: float) -> None:
-    assert math.isclose(shortest(value), value, rel_tol=6e-8, abs_tol=1e-45)
-    assert shortest(0.30000001192092896) == 0.3
+    assert _single_bytes(shortest(value)) == _single_bytes(value)
+
+
+@pytest.mark.parametrize(("single", "decimal"), [(0.30000001192092896, 0.3), (1e300, math.inf)])
+def test_the_shortest_decimal_of_a_number(single: float, decimal: float) -> None:
+    assert shortest(single) == decimal
 
 
 def test_stored_values_that_are_valid_together_are_set_in_any_order() -> None:

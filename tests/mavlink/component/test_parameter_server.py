@@ -6,7 +6,7 @@ import random
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from moar_companion.mavlink.codec import Codec
@@ -29,7 +29,7 @@ PARAMETERS = FlightParameters.of(VehicleFile.load(_X500), CompanionConfig(vehicl
 NAMES = list(flight_parameters())
 LINK, OTHER = "udp:127.0.0.1:14540", "udp:127.0.0.1:14550"
 SENDER = Sender(link=LINK, system_id=255, component_id=190)
-REAL32, INT32 = 9, 6
+REAL32, REAL64, INT32 = 9, 10, 6
 
 
 class Station:
@@ -225,12 +225,20 @@ def test_the_extended_protocol_lists_reads_and_sets_the_same_values():
     assert struct.pack("<f", 1.5) in packet
     station.set_extended("ADAPTATION", struct.pack("<i", 1), INT32)
     assert station.server.parameters.value("ADAPTATION") == 1.0
-    (acknowledged,) = station.set_extended("SAFE_D_MIN", struct.pack("<d", 99.0), 10)
+    (acknowledged,) = station.set_extended("SAFE_D_MIN", struct.pack("<d", 99.0), REAL64)
     assert acknowledged.param_result == 1
     assert station.server.parameters.value("SAFE_D_MIN") == 1.5
 
 
-@given(st.sampled_from(NAMES) | st.text(max_size=16), st.binary(min_size=8), st.integers(0, 255))
+@given(
+    st.sampled_from(NAMES) | st.text(max_size=16),
+    st.binary(min_size=8) | st.floats().map(lambda value: struct.pack("<d", value)),
+    st.integers(0, 255) | st.sampled_from((REAL32, REAL64)),
+)
+@example("LIM_WIND", b"\xff\xff\x7f\x7f", REAL32)
+@example("LIM_WIND", b"\xff\xff\x7f\xff", REAL32)
+@example("LIM_WIND", b"\x00\x00\xc0\xff", REAL32)
+@example("LIM_WIND", struct.pack("<d", 46.37611578667585), REAL64)
 def test_any_value_of_any_type_is_set_or_changes_nothing(name, packed, kind):
     station = Station()
     real = struct.unpack("<f", packed[:4])[0]
