@@ -82,6 +82,8 @@ class SeenObstacles:
         self._wanted_margin = Margin()
         self._rebuilt: SettingsJob | None = None
         """The pending job, if it is for changed settings."""
+        self._report_first = False
+        """True after a job for changed settings: a waiting report goes before the next one."""
         self._jobs: list[MapJob] = []
         self._answer: MapAnswer | None = None
         self._texts: list[tuple[Severity, str]] = []
@@ -180,8 +182,12 @@ class SeenObstacles:
         self._before = tuple(item.moved(right_m, up_m) for item in self._before)
 
     def unmapped_s(self, now_s: float) -> float | None:
-        """Time for which the maps have lacked an obstacle; None if they have all."""
-        return None if self._unmapped_s is None else now_s - self._unmapped_s
+        """Time for which the maps have lacked an obstacle; None if they have all.
+
+        Maps for changed settings lack what is reported while they are made.
+        """
+        missing_s = [self._unmapped_s, None if self._rebuilt is None else self._newer_s]
+        return max((now_s - since_s for since_s in missing_s if since_s is not None), default=None)
 
     @property
     def for_settings(self) -> NewMaps | None:
@@ -204,17 +210,23 @@ class SeenObstacles:
                 text = pilot_texts.NO_NEW_MAPS()
                 self._reports.send_text(Severity.WARNING, text, now_s, action="flying on")
             return None
-        if rebuilt is not None and self._site is not None:
+        if rebuilt is None:
+            self._unmapped_s = None
+        elif self._site is not None:
             self._site = self._site.flown_with(rebuilt.site.margin)
-        self._unmapped_s = None
         for severity, text in self._texts:
             self._reports.send_text(severity, text, now_s, action="avoided")
         self._texts.clear()
         return NewMaps(answer.site_maps, None if rebuilt is None else rebuilt.vehicle)
 
     def update(self, now_s: float, *, on_ground: bool) -> None:
-        """Requests maps when settings or obstacles differ from those of the last request."""
-        if self._wanted is not None and self._site is not None and self._asked_s is None:
+        """Requests maps when settings or obstacles differ from those of the last request.
+
+        Both take turns, where both wait.
+        """
+        waits = self._report_first and self._newer_s is not None
+        idle = self._asked_s is None and not waits
+        if self._wanted is not None and self._site is not None and idle:
             self._ask_for_settings(self._wanted, self._site.flown_with(self._wanted_margin), now_s)
             return
         report, before = self.report, self._mapped_report
@@ -223,7 +235,7 @@ class SeenObstacles:
         if self._asked_s is not None:
             self._newer_s = now_s if self._newer_s is None else self._newer_s
             return
-        newer_s, self._newer_s = self._newer_s, None
+        newer_s, self._newer_s, self._report_first = self._newer_s, None, False
         self._mapped_report = report
         if before is not None and report.began_s != before.began_s:
             self._before, self._current = (*self._before, *self._current), ()
@@ -268,7 +280,7 @@ class SeenObstacles:
         )
 
     def _ask_for_settings(self, vehicle: Vehicle, site: Site, now_s: float) -> None:
-        self._wanted, self._asked_s = None, now_s
+        self._wanted, self._asked_s, self._report_first = None, now_s, True
         self._job_id += 1
         self._rebuilt = SettingsJob(
             job_id=self._job_id,

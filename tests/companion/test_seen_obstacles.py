@@ -420,6 +420,44 @@ def test_a_seen_conductor_that_is_gone_permits_no_setpoint_nearer_to_the_file_co
     assert passable_m() == before_m
 
 
+def wanted(desk, radius_m):
+    """Requests maps for another radius."""
+    state = desk.companion.state
+    state.wanted = replace(state.vehicle, radius_m=radius_m)
+    state.seen_obstacles.want(state.wanted, state.margin)
+
+
+def test_an_obstacle_seen_while_maps_for_settings_are_made_counts_as_missing(desk):
+    desk.map_delay_s = 3.0
+    wanted(desk, 0.4)
+    desk.run(0.1)
+    desk.conductors = (conductor(*ahead(desk)),)
+    desk.run(SETTINGS.timeout_s + 0.3)
+    assert desk.state == "holding"
+    assert any("obstacle unmapped for" in text for text in desk.texts())
+
+
+def test_maps_for_settings_do_not_count_as_those_of_an_obstacle_that_they_lack(desk):
+    desk.map_delay_s = 0.95
+    wanted(desk, 0.4)
+    desk.run(0.1)
+    desk.conductors = (conductor(2.0, 15.0),)
+    desk.run(0.1 + SETTINGS.timeout_s + 0.2)
+    assert "perception" in desk.companion.ruling.names
+    desk.run(4.0)
+    assert "perception" not in desk.companion.ruling.names
+
+
+def test_settings_that_change_all_the_time_keep_no_obstacle_off_the_maps(desk):
+    desk.map_delay_s = 0.2
+    desk.conductors = (conductor(*TWO_M[0]),)
+    for number in range(60):
+        wanted(desk, 0.4 + 0.001 * number)
+        desk.step()
+    assert seen_m(desk) == [TWO_M[0]]
+    assert sum(isinstance(job, SettingsJob) for job in desk.map_jobs) >= 2
+
+
 def test_changed_settings_and_what_is_seen_are_on_the_same_maps(desk):
     desk.conductors = (conductor(*ahead(desk)),)
     desk.run(1.0)
