@@ -25,12 +25,19 @@ def settings_of(
 
 def at_once(wanted: Vehicle, in_force: Vehicle) -> Vehicle:
     """The wanted vehicle, but with all that maps and paths are made of as in force."""
+    guidance = replace(
+        wanted.guidance,
+        acceleration_mps2=in_force.guidance.acceleration_mps2,
+        tracking_margin_m=in_force.guidance.tracking_margin_m,
+        recovery_m=in_force.guidance.recovery_m,
+        landing_height_m=in_force.guidance.landing_height_m,
+    )
     return replace(
         wanted,
         radius_m=in_force.radius_m,
         safety=in_force.safety,
         speed=in_force.speed,
-        guidance=in_force.guidance,
+        guidance=guidance,
     )
 
 

@@ -19,6 +19,7 @@ from ..texts.text_format import reason_chars, short_name
 from ..types import Mission, RiskIndices, Vector
 from .estimation.pose import Pose
 from .flight_limits import FlightLimits
+from .flight_settings import at_once
 from .guidance.path_follower import PathFollower
 from .guidance.splice import Adoption
 from .mission.values import Task
@@ -71,6 +72,8 @@ class RouteManager:
     def take_settings(self, vehicle: Vehicle, config: CompanionConfig, margin: Margin) -> None:
         """Takes the settings in force: the next plan is made with them."""
         self._vehicle, self._config = vehicle, config
+        if self.flight is not None:
+            self.flight.take_vehicle(at_once(vehicle, self.flight.path.volume.vehicle))
         self._plan_reports.vehicle = vehicle
         self.limits.take_settings(vehicle, config)
         self.inflation.take_settings(vehicle, config.supervision, margin)

@@ -61,6 +61,17 @@ def test_weights_and_limits_count_at_once():
     assert flight.state == "flying"
 
 
+def test_the_heading_counts_at_once_and_on_the_path_that_is_flown():
+    flight = flying(EXIT, 0.5)
+    before = flight.companion.state.routes.flight.path.reference.trajectory
+    flight.planning = False
+    flight.set(GUID_YAW_MODE=2.0, GUID_YAW_FIXED=0.0, GUID_YAW_RATE=180.0)
+    flight.run(2.0)
+    assert flight.companion.state.routes.flight.path.reference.trajectory is before
+    assert flight.setpoints[-1].message.yaw == pytest.approx(0.0, abs=0.01)
+    assert not any(call.result for call in flight.calls if call.method == "map_jobs")
+
+
 @pytest.mark.slow
 def test_a_limit_that_was_lowered_below_the_wind_holds_the_flight():
     flight = flying()

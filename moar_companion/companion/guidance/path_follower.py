@@ -171,6 +171,10 @@ class PathFollower:
         """Sets the setpoint's heading to the aircraft's."""
         self._yaw_rad = pose.yaw_rad
 
+    def take_vehicle(self, vehicle: Vehicle) -> None:
+        """Takes settings of which no path is made, as of the heading."""
+        self._path = replace(self._path, volume=replace(self._volume, vehicle=vehicle))
+
     def learn_loss(self, loss: OffboardLoss) -> None:
         """Caps the speed by the new offboard-loss behaviour."""
         self._path = self._path.within(replace(self._volume, loss=loss))
