@@ -20,9 +20,10 @@ from ..types import AUTOPILOTS, AutopilotKind, Mission, Weights
 from . import yaml_file
 from .risk_model import RiskModel, risk_findings
 from .yaml_file import FileFinding
-from .yaml_schema import FileModel, Length, Name, PositiveLength, Section
+from .yaml_schema import FileModel, Name, Section
 
 _Positive = Field(gt=0.0, le=1e6)
+_Distance = Field(gt=0.0, le=100.0)
 
 
 _EXPOSURE = 0.2
@@ -87,26 +88,26 @@ class Guidance:
     """Direction of the nose."""
     fixed_yaw_rad: Annotated[float, Field(ge=-180.0, le=360.0)] = 0.0
     """The heading of `fixed`."""
-    tracking_slow_m: Annotated[float, _Positive] = 0.5
+    tracking_slow_m: Annotated[float, _Distance] = 0.5
     """Tracking error from which the reference slows down to wait for the aircraft, less than
     `tracking_hold_m`. The aircraft is at the path's end within this, or after 5 s there within
     `tracking_hold_m`."""
-    tracking_hold_m: Annotated[float, _Positive] = 1.5
+    tracking_hold_m: Annotated[float, _Distance] = 1.5
     """Tracking error at which the reference stands still, at most `off_path_m`."""
-    off_path_m: Annotated[float, _Positive] = 2.0
+    off_path_m: Annotated[float, _Distance] = 2.0
     """Tracking error at which the path is left and planned again from the aircraft's place."""
-    leash_m: Annotated[float, _Positive] = 3.0
+    leash_m: Annotated[float, _Distance] = 3.0
     """Tracking error, not below `off_path_m`, from which the setpoint follows an aircraft that the
     wind displaces: autopilots fly to a far point at about its distance a second (MPC_XY_P,
     PSC_POSXY_P). In calm air PX4 deviates by up to 1.15 m."""
     tracking_margin_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
     """Tracking error that distances from obstacles allow for; none: the error measured with the
     autopilot."""
-    recovery_m: Annotated[float, _Positive] = 60.0
+    recovery_m: Annotated[float, Field(gt=0.0, le=500.0)] = 60.0
     """Greatest distance outside the workspace or beside the plane of a recovery leg; farther out an
     order is refused. A wind of 13 m/s moved a quadrotor by 41 m in 14 s, and the site does not
     describe its surroundings."""
-    landing_height_m: float = 2.0
+    landing_height_m: Annotated[float, Field(ge=0.0, le=20.0)] = 2.0
     """Height above the landing point at which a landing leg ends."""
 
 
@@ -128,7 +129,7 @@ class Power:
     capacity_wh: Annotated[float | None, _Positive] = None
     """Capacity of all flight batteries together; none: by `risk.endurance_s`, and consumption is
     measured by the autopilot's percentage, not by the current."""
-    reserve_s: float = 60.0
+    reserve_s: Annotated[float, Field(ge=0.0, le=3_600.0)] = 60.0
     """Flight time that must be left after the landing of an escape route: enough for a second
     one."""
     cell_resistance_ohm: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
@@ -200,7 +201,7 @@ _Share = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class _GeometryFile(FileModel):
-    radius_m: Length
+    radius_m: Annotated[float, Field(ge=0.0, le=100.0)]
     """Radius of the hull: cells nearer than this to an obstacle are occupied."""
 
 
@@ -218,9 +219,9 @@ class _SafetyWeightsFile(FileModel):
 
 
 class _SafetyFile(FileModel):
-    d_min_m: PositiveLength
+    d_min_m: Annotated[float, _Distance]
     """Distance of the full safety cost (Eq. 3)."""
-    d_max_m: PositiveLength
+    d_max_m: Annotated[float, _Distance]
     """Distance of its end, more than `d_min_m`."""
     weights: _SafetyWeightsFile
     exposure: Annotated[float, Field(ge=0.0, le=10.0)] = _EXPOSURE

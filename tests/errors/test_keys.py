@@ -89,8 +89,8 @@ OUTSIDE = {
         **dict.fromkeys(("north_m", "east_m", "up_m"), (-100.1, 100.1)),
     },
     "vehicle.yaml": {
-        "radius_m": (-0.1, FAR),
-        **dict.fromkeys(("d_min_m", "d_max_m"), (0.0, FAR)),
+        "radius_m": (-0.1, 100.1),
+        **dict.fromkeys(("d_min_m", "d_max_m"), (0.0, 100.1)),
         "exposure": (-0.1, 10.1),
         **dict.fromkeys(
             ("collision", "insertion", "damage", "safety", "time", "energy"), (-0.1, FAR)
@@ -111,11 +111,11 @@ OUTSIDE = {
         "yaw_rate_deg_per_s": (0.0, 360.1),
         "fixed_yaw_deg": (-180.1, 360.1),
         **dict.fromkeys(
-            ("tracking_slow_m", "tracking_hold_m", "off_path_m", "leash_m", "recovery_m"),
-            (0.0, FAR),
+            ("tracking_slow_m", "tracking_hold_m", "off_path_m", "leash_m"), (0.0, 100.1)
         ),
+        "recovery_m": (0.0, 500.1),
         "tracking_margin_m": (-0.1, 100.1),
-        "landing_height_m": (-0.1, FAR),
+        "landing_height_m": (-0.1, 20.1),
         **dict.fromkeys(
             (
                 "unknown",
@@ -133,7 +133,7 @@ OUTSIDE = {
         **dict.fromkeys(("drag_per_s", "endurance_s"), (0.0, FAR)),
         "drag_per_m": (-0.1, 10.1),
         **dict.fromkeys(("hover_w", "cruise_w", "climb_w", "descent_w", "capacity_wh"), (0.0, FAR)),
-        "reserve_s": (-0.1, FAR),
+        "reserve_s": (-0.1, 3600.1),
         "cell_resistance_ohm": (-0.1, 1.1),
         "tilt_deg": (-0.1, 90.1),
         "cells": (0, 101),

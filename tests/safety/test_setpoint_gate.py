@@ -6,6 +6,7 @@ import ast
 import inspect
 import itertools
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -204,6 +205,17 @@ def test_the_distance_from_a_corridor_is_the_least_to_its_points(point, corridor
         spacing = max(spacing, math.dist(start, end) / 199.0)
     least = float(np.linalg.norm(np.concatenate(sampled) - np.array(point), axis=1).min())
     assert least - spacing - 1e-9 <= distance_m(point, tuple(corridor)) <= least + 1e-9
+
+
+def test_the_memory_for_distances_does_not_grow_with_the_corridor():
+    points = np.random.default_rng(1).uniform(0.0, 100.0, (5_000, 3))
+    corridor = tuple(map(tuple, np.linspace((0.0, 0.0, 0.0), (0.0, 0.0, 90.0), 200)))
+    tracemalloc.start()
+    found = distances_m(points, corridor)
+    _, most_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most_bytes < 100 * points.nbytes
+    assert found == pytest.approx(distances_m(points, corridor[:: len(corridor) - 1]))
 
 
 def test_a_setpoint_may_jump_only_at_rest_and_towards_a_displaced_aircraft():

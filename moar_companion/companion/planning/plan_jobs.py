@@ -38,8 +38,6 @@ _AWAY_M = 0.5
 """Distance of the sample points that show the direction away from an obstacle."""
 _FAR_M = 999.0
 """Greatest distance in a text."""
-_MOST_RECOVERY_M = 999.0
-"""Greatest `recovery_m` in a text."""
 _MOST_POCKETS = 8
 """Maximum number of tried pockets: free cells from which the goal cannot be reached."""
 
@@ -226,7 +224,7 @@ def too_far(site: Site, vehicle: Vehicle, place_m: PlanePoint) -> str:
     ahead, behind = _compass_points(site)
     _, side = _beyond(workspace.lower_m, workspace.upper_m, place_m, (behind, ahead, "", ""))
     far_m = f"{min(workspace.outside_m(place_m), _FAR_M):.0f}"
-    most_m = limit_text(min(vehicle.guidance.recovery_m, _MOST_RECOVERY_M))
+    most_m = limit_text(vehicle.guidance.recovery_m)
     if not side:
         return pilot_texts.FAR_OUTSIDE(far_m=far_m, most_m=most_m)
     return pilot_texts.FAR_BESIDE(far_m=far_m, most_m=most_m, side=side)

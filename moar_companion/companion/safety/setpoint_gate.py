@@ -26,6 +26,8 @@ _TOLERANCE_MPS = 0.05
 _HARDER = 4.0
 """Factor on the planned acceleration: a setpoint brakes twice as hard for an aircraft that falls
 behind. At the same time it may turn, and begin or end to move over from another place."""
+_MOST_PAIRS = 20_000
+"""Limit of pairs of a point and a segment whose distances are computed at once, for its memory."""
 _SMALL_CORNER = 0.15
 """Arcs are made of straights: fraction of the speed that turns from one to the next."""
 
@@ -122,9 +124,15 @@ def distance_m(point_m: Vector, corridor_m: Corridor) -> float:
 
 def distances_m(points_m: Distances, corridor_m: Corridor) -> Distances:
     """Distances from points (n, 3) to a line through points: (n,)."""
-    points, line = points_m[:, None], np.array(corridor_m)
+    line = np.array(corridor_m)
     if len(line) == 1:
         line = np.concatenate([line, line])
+    blocks = np.array_split(points_m, 1 + len(points_m) * len(line) // _MOST_PAIRS)
+    return np.concatenate([_distances_m(block, line) for block in blocks])
+
+
+def _distances_m(points_m: Distances, line: Distances) -> Distances:
+    points = points_m[:, None]
     starts, along = line[:-1], np.diff(line, axis=0)
     squares = (along**2).sum(axis=1)
     part = ((points - starts) * along).sum(axis=2) / np.where(squares > 0.0, squares, 1.0)
