@@ -9,11 +9,12 @@ import math
 from dataclasses import replace
 
 from ..mavlink.telemetry import LandedState
-from ..risk.localization import PlaceByLine
+from ..risk.localization import LINE_MAX_AGE_S, PlaceByLine
 from ..risk.power.cells import misread
 from .contingency.contingency_planner import ContingencyInputs
 from .cycle_state import CycleState
 from .estimation.pose import Pose
+from .estimation.pose_tracker import FOLLOWS_MPS
 from .mission import state_machine
 from .mission.values import MissionStatus, Situation
 from .mission_states import IN_CONTROL, STREAMING, MissionState
@@ -21,8 +22,8 @@ from .safety.check_inputs import CheckInputs, EscapeRoute
 from .safety.position_checks import LINE_OFF_M, widening_m
 from .safety.uncertainty_growth import AHEAD_S
 
-_REPORT_MAX_AGE_S, _SEEN_S = 1.0, 1.0
-"""Maximum ages of the perception's report, and of the last scan that showed the line."""
+_SEEN_S = 1.0
+"""Maximum age of the last scan that showed the line."""
 _DEVIATIONS = 2.0
 """Standard deviations of the offset that count: 95 % of each axis."""
 ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
@@ -46,26 +47,33 @@ def line_is_seen(state: CycleState, now_s: float) -> bool:
         return False
     if math.hypot(*report.line.offset_m) > LINE_OFF_M:
         return False
-    return now_s - report.time_s <= _REPORT_MAX_AGE_S and now_s - report.line.seen_s <= _SEEN_S
+    return now_s - report.time_s <= LINE_MAX_AGE_S and now_s - report.line.seen_s <= _SEEN_S
 
 
 def place_by_line(state: CycleState, now_s: float) -> PlaceByLine | None:
     """Place by the line, with its uncertainty; None where the pose has no offset by it.
 
-    Out of sight the pose is the autopilot's with the last offset: that may be wrong by what the
-    estimate has drifted since, or, where it has come back, by the offset itself.
+    Without reports, and while scans contradict it, the estimate may drift unseen: after a second
+    nothing is known of the place. Out of sight the pose is the autopilot's with the last offset:
+    that may be wrong by what the estimate has drifted since, or, where it has come back, by the
+    offset itself.
     """
     report, offset_m = state.seen_obstacles.report, state.pose_tracker.offset_m
     if report is None or (report.line.seen_s is None and not any(offset_m)):
         return None
-    line = report.line
-    x_m2, _, z_m2 = line.covariance_m2
-    known_m = None if line.seen_s is None else _DEVIATIONS * math.sqrt(max(x_m2, z_m2))
+    line, known_m = report.line, None
+    against_s = math.inf if line.contradicted_s is None else line.contradicted_s
+    age_s = max(0.0, now_s - min(report.time_s, against_s))
+    if line.seen_s is not None and age_s <= LINE_MAX_AGE_S:
+        x_m2, _, z_m2 = line.covariance_m2
+        known_m = _DEVIATIONS * (math.sqrt(max(x_m2, z_m2)) + FOLLOWS_MPS * age_s)
     off_m = 0.0 if known_m is None else state.pose_tracker.lag_m(line)
     if not line_is_seen(state, now_s):
         whole_m = math.hypot(*offset_m)
         off_m = max(off_m, whole_m if known_m is None else min(known_m, whole_m))
-    return PlaceByLine(received_s=now_s, uncertainty_m=known_m, off_m=off_m, wires=line.wires)
+    return PlaceByLine(
+        received_s=report.time_s, uncertainty_m=known_m, off_m=off_m, wires=line.wires
+    )
 
 
 def exposure_limit_s(state: CycleState) -> float:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from ..mavlink.telemetry import LandedState, MagneticField, Odometry, Telemetry
 from ..settings.risk_model import RiskModel
-from .input_reports import YES_OR_NO, InputReport, certain, source_of
+from .input_reports import YES_OR_NO, InputReport, certain, source_at, source_of
 from .receivers import (
     RECEIVER_ACCURACY,
     Memories,
@@ -35,7 +35,7 @@ ESTIMATOR_HEIGHT_ACCURACY = "estimator height accuracy"
 ODOMETRY_ACCURACY = "odometry accuracy"
 ODOMETRY_HEIGHT_ACCURACY = "odometry height accuracy"
 BY_LINE, OFF_LINE = "place by the line", "pose off the line's place"
-_LINE_MAX_AGE_S = 1.0
+LINE_MAX_AGE_S = 1.0
 """Maximum age of a report of the perception: it comes at least five times a second."""
 _RESETS_S = 10.0
 """Time for which a reset counts: the same as the supervisor's for a jump."""
@@ -60,7 +60,7 @@ class PlaceByLine(NamedTuple):
     """Place that the line's wires show. received_s: of the report.
 
     uncertainty_m: of the place; None while nothing is known of it. off_m: from there to the pose
-    that is flown with, which follows it.
+    that is flown with now, which follows it.
     """
 
     received_s: float
@@ -282,10 +282,10 @@ def _by_line(
     place: PlaceByLine, now_s: float, model: RiskModel, *, counts: bool
 ) -> tuple[InputReport, ...]:
     """Reports of the place by the line; out of its sight the autopilot's is better again."""
-    source, risk = source_of(place, now_s, _LINE_MAX_AGE_S), model.horizontal_accuracy_m.fraction
+    source, risk = source_of(place, now_s, LINE_MAX_AGE_S), model.horizontal_accuracy_m.fraction
     wires = f"by {place.wires} wires"
     known_m = place.uncertainty_m if counts else None
     return (
         source.input_report(BY_LINE, known_m, "m", risk, applies=counts, remark=wires),
-        source.input_report(OFF_LINE, place.off_m, "m", risk),
+        source_at(now_s, now_s, LINE_MAX_AGE_S).input_report(OFF_LINE, place.off_m, "m", risk),
     )
