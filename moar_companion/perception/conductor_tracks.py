@@ -146,27 +146,25 @@ class ConductorTracks:
     def join(self, until_s: float) -> None:
         """Joins tracks of one wire after a gap: one last seen until a time, and one seen since.
 
-        The wire takes its first name again, at its newest place.
+        A wire that was confirmed before takes its first name again, at the mean of both places,
+        weighted by their variances. One that was not begins with what was seen since.
         """
+        since = [track for track in self._tracks if track.seen_s > until_s]
         before = [track for track in self._tracks if track.seen_s <= until_s]
-        joined: list[_Track] = []
-        for track in self._tracks:
-            if track.seen_s <= until_s:
-                continue
-            first = min(before, key=lambda each: _apart_m(each, track), default=None)
+        confirmed = [track for track in before if track.confirmed]
+        kept = [
+            track
+            for track in before
+            if not track.confirmed and all(_apart_m(track, each) > GATE_M for each in since)
+        ]
+        for track in since:
+            first = min(confirmed, key=lambda each: _apart_m(each, track), default=None)
             if first is None or _apart_m(first, track) > GATE_M:
-                joined.append(track)
+                kept.append(track)
                 continue
-            before.remove(first)
-            joined.append(
-                replace(
-                    track,
-                    number=first.number or track.number,
-                    sightings=first.sightings + track.sightings,
-                    range_m=max(first.range_m, track.range_m),
-                )
-            )
-        self._tracks = [*before, *joined]
+            confirmed.remove(first)
+            kept.append(_joined(first, track))
+        self._tracks = [*confirmed, *kept]
 
     @property
     def conductors(self) -> tuple[SeenConductor, ...]:
@@ -224,6 +222,25 @@ def _begun(sighting: ConductorSighting, time_s: float) -> _Track:
         sightings=1,
         seen_s=time_s,
         range_m=sighting.range_m,
+    )
+
+
+def _joined(first: _Track, since: _Track) -> _Track:
+    """A track that was confirmed before a gap, with one of the same wire since."""
+    variance = first.deviation_m**2 + _DRIFT_M**2
+    gain = variance / (variance + since.deviation_m**2)
+    return replace(
+        since,
+        number=first.number,
+        x_m=first.x_m + gain * (since.x_m - first.x_m),
+        z_m=first.z_m + gain * (since.z_m - first.z_m),
+        slope=(
+            first.slope[0] + gain * (since.slope[0] - first.slope[0]),
+            first.slope[1] + gain * (since.slope[1] - first.slope[1]),
+        ),
+        deviation_m=math.sqrt((1.0 - gain) * variance),
+        sightings=first.sightings + since.sightings,
+        range_m=max(first.range_m, since.range_m),
     )
 
 

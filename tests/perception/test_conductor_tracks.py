@@ -100,6 +100,31 @@ def test_a_wire_that_was_not_confirmed_before_a_gap_keeps_its_name_after_it():
     assert conductor.name == "seen-1"
 
 
+def test_too_few_sightings_before_and_after_a_gap_are_not_joined_to_enough():
+    tracks, wires = ConductorTracks(), (5.0, -5.0)
+    for number in range(3):
+        tracks.step([sighting(x, 12.0) for x in wires], 0.1 * number, *NOTHING)
+    for number in range(3, 6):
+        tracks.step([sighting(x + 0.7, 12.0) for x in wires], 0.1 * number, *NOTHING)
+    tracks.shift((-0.7, 0.0, 0.0), after_s=0.25)
+    tracks.join(until_s=0.25)
+    assert tracks.conductors == ()
+    for number in range(6, 10):
+        tracks.step([sighting(x, 12.0) for x in wires], 0.1 * number, *NOTHING)
+    assert [each.name for each in tracks.conductors] == ["seen-1", "seen-2"]
+
+
+def test_one_sighting_after_a_gap_moves_a_wire_as_little_as_one_before():
+    tracks = confirmed(sighting(5.0, 12.0))
+    tracks.step([sighting(5.6, 12.0)], 5.0, *NOTHING)
+    tracks.shift((-0.2, 0.0, 0.0), after_s=0.4)
+    tracks.join(until_s=0.4)
+    (conductor,) = tracks.conductors
+    assert conductor.name == "seen-1"
+    assert 5.05 < conductor.position_m[0] < 5.2
+    assert conductor.deviation_m < 0.05
+
+
 def test_sightings_at_another_place_are_another_conductor():
     assert len(confirmed(sighting(5.0, 12.0), sighting(5.8, 12.0)).conductors) == 2
 
