@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -188,9 +188,16 @@ def update(
     last_known = {
         name: _last_known(reported_before[name], reports) for name, reports in inputs.items()
     }
+    counted = last_known
+    if localization.better_by_line(inputs["localization"]):
+        # What is kept has the risk that counts without the line.
+        beside = partial(localization.beside_line, model=model)
+        inputs["localization"] = tuple(map(beside, inputs["localization"]))
+        kept = last_known["localization"].items()
+        counted = {**last_known, "localization": {name: beside(item) for name, item in kept}}
     before = estimate.indices.as_dict()
     report = {
-        name: _report(reports, last_known[name], before[name], model.unknown, now_s)
+        name: _report(reports, counted[name], before[name], model.unknown, now_s)
         for name, reports in inputs.items()
     }
     elapsed_s = 0.0 if estimate.updated_s is None else max(0.0, now_s - estimate.updated_s)

@@ -13,6 +13,7 @@ the estimator accepts a false field, the heading turns with it, and only the str
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -187,16 +188,12 @@ def inputs(
 ) -> tuple[InputReport, ...]:
     """Normalised inputs of the localization risk; `memory` includes this telemetry.
 
-    by_line: None without a sensor that sees the line. While its place is better than the
-    autopilot's accuracy, the latter counts from the middle of its range on: near the end of that
-    the autopilot itself gives its position up.
+    by_line: None without a sensor that sees the line.
     """
     estimator, odometry, resets = telemetry.estimator, telemetry.odometry, memory.resets
     receivers = receiver_inputs(telemetry, memory.receivers, now_s, model)
     better = by_line is not None and _is_better(by_line, telemetry, receivers)
     level, height = model.horizontal_accuracy_m, model.vertical_accuracy_m
-    if better:
-        level, height = level.second_half, height.second_half
     magnetic, mean = telemetry.magnetic_field, memory.field_mean
     estimated = source_of(estimator, now_s, _ESTIMATOR_MAX_AGE_S)
     tracked = source_of(odometry, now_s, _ESTIMATOR_MAX_AGE_S)
@@ -260,6 +257,29 @@ def inputs(
             model.magnetic_change.fraction,
         ),
     )
+
+
+def better_by_line(inputs: Iterable[InputReport]) -> bool:
+    """True while the place by the line counts: it is better than the autopilot's own."""
+    return any(each.known and each.name == BY_LINE for each in inputs)
+
+
+def beside_line(report: InputReport, model: RiskModel) -> InputReport:
+    """A report as it counts while the place by the line is better.
+
+    The autopilot's accuracies count from the middle of their ranges on: near their ends the
+    autopilot itself gives its position up.
+    """
+    spans = {
+        ESTIMATOR_ACCURACY: model.horizontal_accuracy_m,
+        ODOMETRY_ACCURACY: model.horizontal_accuracy_m,
+        ESTIMATOR_HEIGHT_ACCURACY: model.vertical_accuracy_m,
+        ODOMETRY_HEIGHT_ACCURACY: model.vertical_accuracy_m,
+    }
+    span = spans.get(report.name)
+    if span is None or report.value is None or not report.known:
+        return report
+    return report._replace(risk=span.second_half.fraction(report.value))
 
 
 def _is_better(

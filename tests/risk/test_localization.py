@@ -14,8 +14,8 @@ from moar_companion.mavlink.telemetry import (
     Odometry,
     Telemetry,
 )
-from moar_companion.risk import localization
-from moar_companion.risk.localization import LocalizationMemory, remember
+from moar_companion.risk import RiskEstimate, localization, update
+from moar_companion.risk.localization import LocalizationMemory, PlaceByLine, remember
 from moar_companion.settings.risk_model import RiskModel
 
 
@@ -380,3 +380,25 @@ def test_a_greater_change_of_the_field_is_never_less_risk(strengths):
         for strength in sorted(strengths)
     )
     assert less <= more
+
+
+def test_the_risk_of_an_accuracy_is_less_only_while_the_line_is_seen():
+    """The estimator is silent from 2 s on, the line out of sight from 7 s on."""
+    model, estimate = RiskModel(), RiskEstimate.unknown(RiskModel())
+    targets = []
+    for now_s in (0.0, 1.0, 2.0, 4.0, 6.0, 7.0, 8.0):
+        estimator = Estimator(
+            received_s=min(now_s, 2.0),
+            flags=0x37F,
+            horizontal_position_ok=True,
+            horizontal_accuracy_m=2.9,
+        )
+        by_line = PlaceByLine(
+            received_s=now_s, uncertainty_m=0.15 if now_s < 7.0 else None, off_m=0.0, wires=3
+        )
+        telemetry = Telemetry(estimator=estimator)
+        estimate = update(estimate, telemetry, now_s, model=model, cruise_mps=3.0, by_line=by_line)
+        targets.append(estimate.report.localization.target)
+    alone = model.horizontal_accuracy_m.fraction(2.9)
+    assert targets[:5] == [0.0] * 5
+    assert targets[5:] == pytest.approx([alone] * 2)
