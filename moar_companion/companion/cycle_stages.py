@@ -35,6 +35,7 @@ from .error_margin import margin_of
 from .estimation.landed_state import grounded
 from .estimation.pose import Jump
 from .flight_settings import at_once, need_maps, settings_of
+from .guidance.flight_volume import FlightVolume
 from .guidance.splice import Adoption
 from .mission import state_machine
 from .mission.values import (
@@ -123,9 +124,10 @@ def _observe(state: CycleState, now_s: float, step_s: float) -> None:
     )
     if followed is not None:
         state.seen_obstacles.shift(followed)
-    maps = None if _stops_first(state) else state.seen_obstacles.taken(now_s)
-    if maps is not None:
-        _take_maps(state, maps, now_s)
+    if not _stops_first(state) and not _refuses(state):
+        maps = state.seen_obstacles.taken(now_s)
+        if maps is not None:
+            _take_maps(state, maps, now_s)
     state.seen_obstacles.update(now_s, on_ground=grounded(state.telemetry))
     jumps = tuple(each for each in (jump, followed) if each is not None)
     for event in (*jumps, *state.session.events_received()):
@@ -177,30 +179,69 @@ def _take_parameter(state: CycleState, event: ParameterSet, now_s: float) -> Non
     )
     config, state.wanted = settings_of(parameters, state.config)
     state.take_settings(config, at_once(state.wanted, state.vehicle), state.margin)
+    state.refused = None
     _want_maps(state)
     state.paths_changed = True
 
 
 def _want_maps(state: CycleState) -> None:
-    """Requests maps where the settings need others than the present ones."""
+    """Requests maps where the settings need others than the present ones, and are not refused."""
     margin = margin_of(state.wanted, state.config.supervision)
     other = margin != state.margin or need_maps(state.wanted, state.vehicle)
-    state.seen_obstacles.want(state.wanted if other else None, margin)
+    wanted = state.wanted if other and state.refused is None else None
+    state.seen_obstacles.want(wanted, margin)
 
 
 def _stops_first(state: CycleState) -> bool:
     """True while the flight brakes before maps for other settings, which bar its place, count."""
     maps, flight = state.seen_obstacles.for_settings, state.routes.flight
-    volume = state.routes.limits.volume
-    if maps is None or maps.vehicle is None or flight is None or volume is None or flight.stopped:
+    volume = None if maps is None else _volume_on(state, maps)
+    if flight is None or volume is None or flight.stopped:
         return False
-    volume = replace(
-        volume, site=maps.site_maps.site, maps=maps.site_maps.maps, vehicle=maps.vehicle
-    )
     if not flight.braked and not flight.is_barred_on(volume):
         return False
     flight.brake()
     return True
+
+
+def _refuses(state: CycleState) -> bool:
+    """True if maps for other settings would end the flight at its place: the last ones stay.
+
+    The flight holds there until a parameter is set again. Where an order leads it away, it is flown
+    with the last settings until it rests at a place that is free on such maps.
+    """
+    flight = state.routes.flight
+    rests = flight is None or flight.stopped
+    if state.refused is not None and rests and _leaves_room(state, state.refused):
+        state.refused = None
+        _want_maps(state)
+    maps = state.seen_obstacles.for_settings
+    if maps is None or _leaves_room(state, maps):
+        return False
+    state.refused = maps
+    state.seen_obstacles.refuse(state.vehicle, state.margin)
+    return True
+
+
+def _leaves_room(state: CycleState, maps: NewMaps) -> bool:
+    """True if the flight's place is permitted on the maps, or they are for the settings in force.
+
+    For these the maps differ by obstacles only.
+    """
+    flight, volume = state.routes.flight, _volume_on(state, maps)
+    if flight is None or volume is None:
+        return True
+    others = need_maps(volume.vehicle, state.vehicle) or volume.site.margin != state.margin
+    return not others or flight.may_rest_on(volume, state.config.supervision.plane_tolerance_m)
+
+
+def _volume_on(state: CycleState, maps: NewMaps) -> FlightVolume | None:
+    """The flight volume on maps for other settings; None for other maps, or while unknown."""
+    volume = state.routes.limits.volume
+    if volume is None or maps.vehicle is None:
+        return None
+    site_maps = maps.site_maps
+    return replace(volume, site=site_maps.site, maps=site_maps.maps, vehicle=maps.vehicle)
 
 
 def _take_maps(state: CycleState, maps: NewMaps, now_s: float) -> None:
@@ -211,7 +252,8 @@ def _take_maps(state: CycleState, maps: NewMaps, now_s: float) -> None:
         state.take_settings(state.config, vehicle, margin)
         parameters = state.session.parameters
         changed = {} if parameters is None else dict(parameters.changed)
-        state.reports.record("settings", now_s, changed=changed)
+        if state.refused is None:
+            state.reports.record("settings", now_s, changed=changed)
         _want_maps(state)
     state.routes.learn_maps(maps.site_maps, now_s)
     state.paths_changed = True

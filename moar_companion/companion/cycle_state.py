@@ -37,7 +37,7 @@ from .safety.check_inputs import Host, Unmeasured
 from .safety.condition_types import Action
 from .safety.supervisor import Ruling
 from .safety_monitor import SafetyMonitor
-from .seen_obstacles import SeenObstacles
+from .seen_obstacles import NewMaps, SeenObstacles
 from .setpoint_streamer import SetpointRefusal, SetpointStreamer
 from .wind_recovery import WindRecovery
 
@@ -106,6 +106,8 @@ class CycleState:
         self.wanted = vehicle
         """The vehicle with all settings; other maps are requested where it is another one."""
         self.margin = margin_of(vehicle, config.supervision)
+        self.refused: NewMaps | None = None
+        """Maps for changed settings that leave no room at the flight's place: not in force."""
         self.session = Session(
             links=config.session_links,
             system_id=config.system_id,

@@ -197,6 +197,15 @@ class SeenObstacles:
             return None
         return NewMaps(made, self._rebuilt.vehicle)
 
+    def refuse(self, vehicle: Vehicle, margin: Margin) -> None:
+        """Drops the maps `for_settings`; requests those of the settings in force before any other.
+
+        The planner has the dropped ones, and would make maps of obstacles with their settings.
+        """
+        self._answer = self._rebuilt = self._asked_s = None
+        self._report_first = False
+        self.want(vehicle, margin)
+
     def taken(self, now_s: float) -> NewMaps | None:
         """Returns the maps of an answer, once; reports their obstacles."""
         answer, self._answer = self._answer, None

@@ -130,6 +130,50 @@ def test_a_margin_that_bars_its_place_brakes_and_holds():
     flight.run_until_state("flying", 3.0)
 
 
+@pytest.mark.parametrize("radius_m", [8.0, pytest.param(100.0, marks=pytest.mark.slow)])
+def test_a_size_for_which_there_is_no_room_holds_with_the_settings_before(radius_m):
+    flight = flying(seconds=3.0)
+    before_m = flight.vehicle.radius_m
+    flight.set(SAFE_RADIUS=radius_m)
+    flight.run(4.0)
+    assert flight.state == "holding"
+    assert speed_mps(flight) == 0.0
+    assert flight.now_s - flight.last_setpoint_s < 0.1
+    assert flight.companion.state.vehicle.radius_m == before_m
+    assert flight.planner.vehicle.radius_m == before_m
+    assert flight.noted("settings") == []
+    assert "no room here with these settings" in [item["reason"] for item in flight.noted("text")]
+    flight.set(SAFE_RADIUS=0.5)
+    flight.run(2.5)
+    assert flight.state == "flying"
+    assert flight.companion.state.vehicle.radius_m == 0.5
+
+
+@pytest.mark.slow
+def test_an_order_leads_away_from_where_a_size_has_no_room():
+    flight = flying(seconds=3.0)
+    flight.set(SAFE_RADIUS=8.0)
+    flight.run_until_state("holding", 3.0)
+    flight.run(1.5)
+    flight.operator.mission(EXIT, -1)
+    flight.run(6.0)
+    assert flight.state == "landing_leg"
+    assert speed_mps(flight) > 0.1
+
+
+def test_a_size_without_room_withdraws_an_offered_flight_as_any_reason_to_hold_does():
+    flight = ParameterFlight()
+    flight.start_in_the_air()
+    flight.operator.mission(INSPECTION, 0)
+    flight.run_until_state("ready", 5.0)
+    flight = flight.with_planner()
+    flight.set(SAFE_RADIUS=100.0)
+    flight.run(3.0)
+    assert flight.state == "idle"
+    texts = [item["text"] for item in flight.noted("text")]
+    assert "MOAR: no room here with these settings, idle" in texts
+
+
 def test_a_planner_that_fails_leaves_the_settings_of_the_maps():
     flight = flying()
     flight.planning = False

@@ -206,6 +206,22 @@ class PathFollower:
         stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
         return barred_m is not None and barred_m <= stop_m
 
+    def may_rest_on(self, volume: FlightVolume, plane_tolerance_m: float) -> bool:
+        """True if the setpoint's place is permitted at rest in another flight volume.
+
+        On a leg: if the rest of that can be flown there.
+        """
+        rest = replace(self._setpoint(), velocity_mps=(0.0, 0.0, 0.0))
+        legs = (volume.rechecked(leg, rest.position_m) for leg in self._path.legs)
+        reason = volume.refusal(
+            rest,
+            tuple(leg for leg in legs if not leg.barred),
+            plane_tolerance_m=plane_tolerance_m,
+            widened_m=0.0,
+            carried_from_z_m=self._drift.lowest_m if self._drift.carried else None,
+        )
+        return reason is None
+
     def avoid(self) -> None:
         """Brakes before a barred place where the next plan could not begin before it.
 

@@ -407,7 +407,7 @@ CONDITIONS = (
     Condition(
         name="no_clearance",
         starts="the position's uncertainty, the margin or the tracking error leaves no room at the "
-        "setpoint's place, or no path onward",
+        "setpoint's place, or no path onward; or changed settings would leave none there, and wait",
         cause=lambda look: look.seen.faults.no_clearance,
         action=Action.HOLD,
         over_s=1.0,
@@ -416,6 +416,7 @@ CONDITIONS = (
             "no room here, uncertainty {1.4|99999} m",
             "no room here, margin {0.8|99999} m",
             "no room here, an obstacle is seen",
+            "no room here with these settings",
             "no path, uncertainty {1.9|99999} m",
             "no path with tracking error",
         ),
