@@ -22,6 +22,8 @@ from .yaml_file import FileFinding
 from .yaml_schema import FileModel, Section, under
 
 _Seconds = Field(gt=0.0, le=3_600.0)
+_Patience = Field(ge=1.0, le=3_600.0)
+_Period = Field(ge=0.1, le=3_600.0)
 _Id = Annotated[int, Field(ge=1, le=255)]
 _Ids = Annotated[tuple[_Id, ...] | None, Field(min_length=1)]
 SLOWEST_HZ, FASTEST_HZ = 20.0, 100.0
@@ -89,11 +91,11 @@ class Commands:
 class Replanning:
     """Conditions for replanning in flight."""
 
-    period_s: Annotated[float, _Seconds] = 2.0
+    period_s: Annotated[float, _Period] = 2.0
     """Longest time between two plans."""
-    risk_change: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    risk_change: Annotated[float, Field(ge=0.001, le=1.0)] = 0.1
     """Change of a risk index since the last plan that causes the next."""
-    min_interval_s: Annotated[float, _Seconds] = 0.3
+    min_interval_s: Annotated[float, _Period] = 0.3
     """Shortest time between two plans; at most `period_s`."""
     improvement: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
     """Fraction of its cost J that a new path must save; otherwise the active path stays while it is
@@ -125,30 +127,30 @@ class Supervision:
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
     """An armed state that was reported longer ago ends control. Only HEARTBEAT reports it, on PX4
     once a second: on a link that loses 30 %, such a gap occurs once in 10^7."""
-    ready_timeout_s: Annotated[float, _Seconds] = 30.0
+    ready_timeout_s: Annotated[float, _Patience] = 30.0
     """Time for which a hold is offered to the pilot, until the pilot selects the mode."""
-    plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
+    plane_tolerance_m: Annotated[float, Field(ge=0.1, le=1_000.0)] = 2.0
     """Greatest distance from the site's plane in flight."""
-    wind_limit_mps: Annotated[float, Field(gt=0.0, le=100.0)] = 15.0
+    wind_limit_mps: Annotated[float, Field(ge=0.1, le=100.0)] = 15.0
     """Greatest measured wind: the greater of the reported one and that from the tilt. With the
     default drag the tilt yields 15 m/s for a true 13 and 18 (two recorded quadrotors): 12 is a good
     limit once the vehicle's drag is measured (`replay --fit-drag`)."""
-    localization_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9
+    localization_limit: Annotated[float, Field(ge=0.01, le=1.0)] = 0.9
     """Greatest localization risk of a mission; close to its maximum."""
     position_uncertainty_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
     """Position error that distances from obstacles allow for, even where less is reported; none:
     the error measured with the vehicle's autopilot."""
-    position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
+    position_uncertainty_limit_m: Annotated[float, Field(ge=0.01, le=100.0)] = 2.0
     """Uncertainty of the position above which no mission is flown, at least
     `position_uncertainty_m`. Obstacles grow by the excess over that one."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
     """Fraction of the charge at which the exit begins."""
-    ground_link_lost_s: Annotated[float, _Seconds] = 10.0
+    ground_link_lost_s: Annotated[float, _Patience] = 10.0
     """Time since the operator's ground station was received (that of the last order, before one
     any) until it is lost. Both autopilots regard it as lost after 10 s, too."""
     ground_link_action: LinkLoss = LinkLoss.HOLD
     """Action when the ground station is lost."""
-    exposure_limit_s: Annotated[float, _Seconds] = 120.0
+    exposure_limit_s: Annotated[float, _Patience] = 120.0
     """Longest stay, beyond the target's dwell, where a failsafe of the autopilot without a forecast
     (RC, GCS or GPS loss) would hit an obstacle: a long inspection of a splice. The next target or
     order restarts the time."""
@@ -164,7 +166,7 @@ class Supervision:
     jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
     """Greatest jump of the position within 10 s that the setpoint follows; a greater one needs an
     operator's decision."""
-    plan_stale_s: Annotated[float, _Seconds] = 12.0
+    plan_stale_s: Annotated[float, _Patience] = 12.0
     """Longest wait of an inspection for a new plan in flight; after half of it the flight slows
     down. Plans take milliseconds; without an answer the request is repeated after 5 s: twice."""
     disk_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 200.0

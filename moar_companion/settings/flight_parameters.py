@@ -308,7 +308,7 @@ def _parameter(
         keys=path,
         group=group.title,
         unit=key.unit,
-        minimum=0.0 if choices else kind.get("minimum", kind.get("exclusiveMinimum", 0.0)),
+        minimum=0.0 if choices else kind["minimum"],
         maximum=len(choices) - 1.0 if choices else kind["maximum"],
         default=None,
         optional=key.optional,

@@ -23,7 +23,7 @@ from .yaml_file import FileFinding
 from .yaml_schema import FileModel, Name, Section
 
 _Positive = Field(gt=0.0, le=1e6)
-_Distance = Field(gt=0.0, le=100.0)
+_Distance = Field(ge=0.01, le=100.0)
 
 
 _EXPOSURE = 0.2
@@ -82,7 +82,7 @@ class Guidance:
     acceleration_mps2: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
     """Acceleration of the setpoint along the path and in its corners. Setpoints carry none: PX4 is
     off by 0.58 m for each m/s² with its default gains (1 / (MPC_XY_P · MPC_XY_VEL_P_ACC))."""
-    yaw_rate_radps: Annotated[float, Field(gt=0.0, le=360.0)] = math.radians(45.0)
+    yaw_rate_radps: Annotated[float, Field(ge=1.0, le=360.0)] = math.radians(45.0)
     """Greatest rate at which the nose turns."""
     yaw_mode: YawMode = YawMode.TARGET
     """Direction of the nose."""
@@ -103,7 +103,7 @@ class Guidance:
     tracking_margin_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
     """Tracking error that distances from obstacles allow for; none: the error measured with the
     autopilot."""
-    recovery_m: Annotated[float, Field(gt=0.0, le=500.0)] = 60.0
+    recovery_m: Annotated[float, Field(ge=0.1, le=500.0)] = 60.0
     """Greatest distance outside the workspace or beside the plane of a recovery leg; farther out an
     order is refused. A wind of 13 m/s moved a quadrotor by 41 m in 14 s, and the site does not
     describe its surroundings."""
@@ -196,7 +196,7 @@ class Vehicle:
         )
 
 
-_Speed = Annotated[float, Field(gt=0.0, le=100.0)]
+_Speed = Annotated[float, Field(ge=0.05, le=100.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1e6)]
 
 

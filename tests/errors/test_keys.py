@@ -90,7 +90,7 @@ OUTSIDE = {
     },
     "vehicle.yaml": {
         "radius_m": (-0.1, 100.1),
-        **dict.fromkeys(("d_min_m", "d_max_m"), (0.0, 100.1)),
+        **dict.fromkeys(("d_min_m", "d_max_m"), (0.009, 100.1)),
         "exposure": (-0.1, 10.1),
         **dict.fromkeys(
             ("collision", "insertion", "damage", "safety", "time", "energy"), (-0.1, FAR)
@@ -105,15 +105,15 @@ OUTSIDE = {
                 "diagonal_down_mps",
                 "max_mps",
             ),
-            (0.0, 100.1),
+            (0.049, 100.1),
         ),
         "acceleration_mps2": (0.0, 20.1),
-        "yaw_rate_deg_per_s": (0.0, 360.1),
+        "yaw_rate_deg_per_s": (0.9, 360.1),
         "fixed_yaw_deg": (-180.1, 360.1),
         **dict.fromkeys(
-            ("tracking_slow_m", "tracking_hold_m", "off_path_m", "leash_m"), (0.0, 100.1)
+            ("tracking_slow_m", "tracking_hold_m", "off_path_m", "leash_m"), (0.009, 100.1)
         ),
-        "recovery_m": (0.0, 500.1),
+        "recovery_m": (0.09, 500.1),
         "tracking_margin_m": (-0.1, 100.1),
         "landing_height_m": (-0.1, 20.1),
         **dict.fromkeys(
@@ -168,23 +168,22 @@ OUTSIDE = {
         "setpoint_rate_hz": (19.9, 100.1),
         **dict.fromkeys(
             (
-                "period_s",
-                "min_interval_s",
                 "position_timeout_s",
                 "heartbeat_timeout_s",
                 "mode_timeout_s",
                 "armed_timeout_s",
-                "ready_timeout_s",
-                "ground_link_lost_s",
-                "exposure_limit_s",
-                "plan_stale_s",
             ),
             (0.0, 3600.1),
         ),
-        "wind_limit_mps": (0.0, 100.1),
-        "localization_limit": (0.0, 1.1),
+        **dict.fromkeys(
+            ("ready_timeout_s", "ground_link_lost_s", "exposure_limit_s", "plan_stale_s"),
+            (0.9, 3600.1),
+        ),
+        **dict.fromkeys(("period_s", "min_interval_s"), (0.09, 3600.1)),
+        "wind_limit_mps": (0.09, 100.1),
+        "localization_limit": (0.009, 1.1),
         "position_uncertainty_m": (-0.1, 100.1),
-        "position_uncertainty_limit_m": (0.0, 100.1),
+        "position_uncertainty_limit_m": (0.009, 100.1),
         "battery_reserve": (-0.1, 1.1),
         "fence_margin_m": (-0.1, 100.1),
         "exposure_reserve_s": (-0.1, 3600.1),
@@ -194,9 +193,9 @@ OUTSIDE = {
         "part_min": (0.9, 1e4 + 1.0),
         "keep_gb": (0.09, 1e6 + 1.0),
         "floor_mb": (-0.1, 1e6 + 1.0),
-        "risk_change": (0.0, 1.1),
+        "risk_change": (0.0009, 1.1),
         "improvement": (-0.1, 1.1),
-        "plane_tolerance_m": (0.0, 1000.1),
+        "plane_tolerance_m": (0.09, 1000.1),
         "window_s": (0.9, 300.1),
         "port": (0, 65_536),
         "position_m": (-FAR, FAR),

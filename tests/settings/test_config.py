@@ -186,7 +186,7 @@ def test_the_vehicle_of_the_command_line_replaces_that_of_the_file(tmp_path: Pat
         ("links: [{url: a, role: pilot}]", "links[0].role: is 'pilot', must be 'autopilot' or"),
         ("links: [{url: a}, {url: a}]", "links[1].url: is 'a', the same as links[0]: must be"),
         ("replanning: {min_interval_s: 3}", "replanning.min_interval_s: is 3, must be at most"),
-        ("replanning: {risk_change: 0}", "replanning.risk_change: is 0, must be greater than 0"),
+        ("replanning: {risk_change: 0}", "replanning.risk_change: is 0, must be at least 0.001"),
         ("commands: {systems: [256]}", "commands.systems[0]: is 256, must be at most 255"),
         ("commands: {systems: []}", "commands.systems: has a length of 0, must be at least 1"),
         ("commands: {signed_only: 1}", "commands.signed_only: is 1, must be true or false"),

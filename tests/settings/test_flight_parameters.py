@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import struct
 
 import pytest
@@ -77,6 +78,16 @@ def test_each_has_limits_a_description_and_the_default_of_its_model() -> None:
     assert flight_parameters()["RISK_CELL_R1"].default == 3.4
 
 
+@pytest.mark.parametrize("name", _NAMES)
+def test_the_limits_of_the_table_are_permitted_and_nothing_beyond(name: str) -> None:
+    row = flight_parameters()[name]
+    for limit, beyond in ((row.minimum, -0.001), (row.maximum, 1.0)):
+        _, texts = PARAMETERS.with_stored({name: limit})
+        # Beside other values one may be refused: the text then has no number as the limit.
+        assert not any(re.search(r"must be (at least|at most|<|>) [\d.]", text) for text in texts)
+        assert "must be" in _refusal(name, limit + beyond)
+
+
 @pytest.mark.parametrize("vehicle", sorted((shipped_configs() / "vehicles").glob("*.yaml")))
 def test_nothing_changed_gives_the_files_own_settings(vehicle: object) -> None:
     config, flown = FlightParameters.of(VehicleFile.load(vehicle), _CONFIG).apply(_CONFIG)
@@ -141,9 +152,9 @@ def test_the_files_own_value_is_no_change() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "text"),
     [
-        ("LIM_WIND", 0.0, "LIM_WIND is 0.0, must be > 0"),
-        ("LIM_WIND", math.nan, "LIM_WIND is nan, must be 0 to 100"),
-        ("LIM_WIND", -math.inf, "LIM_WIND is -inf, must be 0 to 100"),
+        ("LIM_WIND", 0.0, "LIM_WIND is 0.0, must be at least 0.1"),
+        ("LIM_WIND", math.nan, "LIM_WIND is nan, must be 0.1 to 100"),
+        ("LIM_WIND", -math.inf, "LIM_WIND is -inf, must be 0.1 to 100"),
         ("SETPOINT_RATE", 200.0, "SETPOINT_RATE is 200.0, must be at most 100"),
         ("ADAPTATION", 2.0, "ADAPTATION is 2, must be 0 (paper), 1 (calibrated)"),
         ("ADAPTATION", 0.5, "ADAPTATION is 0.5, must be 0 (paper), 1 (calibrated)"),

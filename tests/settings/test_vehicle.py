@@ -138,7 +138,7 @@ def test_optional_sections_in_the_units_of_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        ("d_min_m: 1.2", "d_min_m: 0", "safety.d_min_m: is 0, must be greater than 0"),
+        ("d_min_m: 1.2", "d_min_m: 0", "safety.d_min_m: is 0, must be at least 0.01"),
         ("d_min_m: 1.2", "d_min_m: 3", "safety.d_min_m: is 3, must be less than d_max_m (3)"),
         (
             "{collision: 0.3, insertion: 0.2, damage: 0.5}",
@@ -161,7 +161,7 @@ def test_optional_sections_in_the_units_of_the_file(tmp_path: Path) -> None:
             "min_mps: 0.5, max_mps: 0.4",
             "speed.max_mps: is 0.4, must be at least min_mps (0.5)",
         ),
-        (" up_mps: 1.5", " up_mps: 0", "speed.up_mps: is 0, must be greater than 0"),
+        (" up_mps: 1.5", " up_mps: 0", "speed.up_mps: is 0, must be at least 0.05"),
         ("autopilot: px4", "autopilot: unknown", "autopilot: is 'unknown', must be 'px4' or"),
         (
             "geometry:",
