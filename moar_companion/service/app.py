@@ -377,7 +377,7 @@ class Service:
         parameters = self._companion.parameters
         if self._stored is not None and parameters is not None and parameters is not self._kept:
             self._kept = parameters
-            self._stored.keep(parameters.changed)
+            self._stored.keep(parameters)
 
     @property
     def _recorder_folder(self) -> Path | None:

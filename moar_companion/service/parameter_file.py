@@ -6,10 +6,10 @@ Its content, and how a process starts with it: `stored_parameters`.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from pathlib import Path
 
 from ..companion.safety.file_faults import FileFault, words
+from ..settings.flight_parameters import FlightParameters
 from ..texts import service_texts
 from .background_writer import BackgroundWriter, Batches
 from .snapshot_file import write_whole
@@ -32,9 +32,9 @@ class ParameterFile:
         """Current faults of the file; those of the start stay in the list."""
         return (*self._settings.faults, *filter(None, (self._write_fault,)))
 
-    def keep(self, changed: Mapping[str, float]) -> None:
+    def keep(self, parameters: FlightParameters) -> None:
         """Queues the values for writing; of several that wait, only the newest are written."""
-        self._writer.put(encoded(self._settings, changed))
+        self._writer.put(encoded(self._settings, parameters))
 
     def close(self) -> None:
         """Waits a limited time for the pending write."""

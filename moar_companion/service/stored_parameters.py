@@ -54,9 +54,9 @@ class StartSettings:
     """Settings that a process starts with.
 
     config, vehicle: as flown, with the stored values. parameters: the files' values, and those.
-    unused: stored values below the command line. others: values of other vehicles. problems: a text
-    for the file where it cannot be used, and for each value that is no longer valid. faults: the
-    same for pilots.
+    unused: stored values below the command line, kept until these parameters are set again. others:
+    values of other vehicles. problems: a text for the file where it cannot be used, and for each
+    value that is no longer valid. faults: the same for pilots.
     """
 
     config: CompanionConfig
@@ -146,9 +146,10 @@ def _read(
     return {}, (text,), (FileFault(reason=reason, action="files count"),)
 
 
-def encoded(settings: StartSettings, changed: Mapping[str, float]) -> bytes:
+def encoded(settings: StartSettings, parameters: FlightParameters) -> bytes:
     """Content of the file with the values that are set now."""
-    values = {**settings.unused, **changed}
+    unused = {key: value for key, value in settings.unused.items() if key not in parameters.given}
+    values = {**unused, **parameters.changed}
     return _FILE.dump_json(
         _File(vehicles=settings.others | {settings.vehicle.name: values}), indent=1
     )

@@ -323,12 +323,13 @@ class FlightParameters:
     """Values of all parameters: those of the files, and above them those that were set.
 
     vehicle, service: the vehicle file and the sections of the configuration, as written in files.
-    changed: values that were set, and differ from the files'.
+    changed: values that were set, and differ from the files'. given: names that were set to any.
     """
 
     vehicle: Mapping[str, Any]
     service: Mapping[str, Any]
     changed: Mapping[str, float] = field(default_factory=dict)
+    given: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, vehicle: VehicleFile, config: CompanionConfig) -> FlightParameters:
@@ -364,7 +365,7 @@ class FlightParameters:
         changed = {key: item for key, item in self.changed.items() if key != name}
         if given != shortest(self.in_file(name)):
             changed[name] = given
-        made = replace(self, changed=changed)
+        made = replace(self, changed=changed, given=tuple(dict.fromkeys((*self.given, name))))
         model: FileModel | list[FileFinding]
         model = (_vehicle_model if parameter.file == _VEHICLE else _service_model)(made)
         if isinstance(model, list):

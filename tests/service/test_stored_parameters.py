@@ -34,7 +34,7 @@ def kept(folder, settings, **values):
     parameters = settings.parameters
     for name, value in values.items():
         parameters = parameters.with_value(name, value)
-    file.keep(parameters.changed)
+    file.keep(parameters)
     file.close()
     return file
 
@@ -74,6 +74,22 @@ def test_the_command_line_s_vehicle_stands_above_and_loses_nothing(started, tmp_
     )
     kept(tmp_path, named, LIM_BATTERY=0.3)
     assert started().parameters.changed == {"SAFE_D_MAX": 6.0, "LIM_WIND": 9.0, "LIM_BATTERY": 0.3}
+
+
+@pytest.mark.parametrize("values_set", [(4.0, FILE.safety.d_max_m), (FILE.safety.d_max_m,), (4.0,)])
+def test_a_value_below_the_command_line_is_forgotten_once_another_is_set(
+    values_set, started, tmp_path
+):
+    kept(tmp_path, started(), SAFE_D_MAX=5.0, SAFE_D_MIN=2.0)
+    named = started(vehicle_named=True)
+    parameters = named.parameters
+    for value in values_set:
+        parameters = parameters.with_value("SAFE_D_MAX", value)
+    file = ParameterFile(tmp_path, named)
+    file.keep(parameters)
+    file.close()
+    assert started().parameters.value("SAFE_D_MAX") == values_set[-1]
+    assert started().parameters.value("SAFE_D_MIN") == 2.0, "which was not set again"
 
 
 def test_each_vehicle_has_its_own(started, tmp_path):
