@@ -57,6 +57,8 @@ _ID_BYTES = 16
 _EXT_VALUE_BYTES = 128
 _MOST_WAITING = 64
 """Limit of values that wait to be set; a ground station repeats what gets no answer."""
+_MOST_PACKETS = 1000
+"""Limit of packets whose copies are known: more than four links may set in `_OVERTAKEN_S`."""
 _OVERTAKEN_S = 1.0
 """Greatest delay of a copy, or of a packet that a later one has overtaken: in this time a ground
 station sends fewer than 128 packets, so that their numbers give the order."""
@@ -101,10 +103,17 @@ class _Setting(NamedTuple):
     extended: bool
 
 
-class _Packet(NamedTuple):
-    """The last packet of a sender that set a parameter."""
+class _Source(NamedTuple):
+    """A parameter, and the sender that sets it, on whichever links its packets come."""
 
-    sender: Sender
+    name: str
+    system_id: int
+    component_id: int
+
+
+class _Packet(NamedTuple):
+    """The last packet of a source."""
+
     sequence: int
     received_s: float
 
@@ -133,8 +142,8 @@ class ParameterServer:
         self._waiting: dict[str, deque[_Setting]] = {link: deque() for link in self._listed}
         self._more: dict[str, deque[Message]] = {link: deque() for link in self._listed}
         """Further answers to the last setting of a link."""
-        self._last: dict[str, _Packet] = {}
-        """Last packet that set a parameter, by its name."""
+        self._last: dict[_Source, _Packet] = {}
+        """The latest `_MOST_PACKETS`, the oldest first."""
         self._set_s = dict.fromkeys(self._listed, -math.inf)
         """Time of the last cycle in which a value was set or refused, by link."""
         self._sets = SenderLimit(burst=100, rate_hz=10.0, link_burst=200, link_rate_hz=40.0)
@@ -171,16 +180,19 @@ class ParameterServer:
     def _take(self, message: Message, asker: Asker, *, extended: bool, now_s: float) -> None:
         """Takes a value to set, for a later cycle; leaves out a copy, and one too many."""
         name, sender, sequence = message.param_id, asker.sender, message.get_seq()
-        waiting, last = self._waiting[sender.link], self._last.get(name)
+        source = _Source(name, sender.system_id, sender.component_id)
+        waiting, last = self._waiting[sender.link], self._last.get(source)
         if (
             last is not None
-            and last.sender == sender
             and (last.sequence - sequence) % 256 < 128
             and now_s - last.received_s <= _OVERTAKEN_S
         ):
             return
         if len(waiting) < _MOST_WAITING and self._sets.allows(sender, now_s):
-            self._last[name] = _Packet(sender, sequence, now_s)
+            self._last.pop(source, None)
+            if len(self._last) >= _MOST_PACKETS:
+                del self._last[next(iter(self._last))]
+            self._last[source] = _Packet(sequence, now_s)
             value = _extended_value(message) if extended else None
             if not extended:
                 value = parameter_value(message, self._autopilot())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import struct
+from dataclasses import replace
 
 import pytest
 from hypothesis import example, given
@@ -44,9 +45,11 @@ class Station:
     def packet(self, name, **fields):
         return self.codec.encode(create(name, target_system=1, **fields))
 
-    def receive(self, packet):
+    def receive(self, packet, link=LINK):
         (message,) = Codec(system_id=1, component_id=195).receive(packet)
-        return self.server.handle(message, self.asker, self.now_s)
+        ids = {"system_id": message.get_srcSystem(), "component_id": message.get_srcComponent()}
+        asker = replace(self.asker, sender=Sender(link=link, **ids))
+        return self.server.handle(message, asker, self.now_s)
 
     def ask(self, name, target_component=195, **fields):
         return self.receive(self.packet(name, target_component=target_component, **fields))
@@ -192,6 +195,31 @@ def test_a_copy_and_an_overtaken_packet_set_nothing():
         station.receive(packet)
     station.due()
     assert [event.value for event in station.server.events_received()] == [1.4]
+
+
+@pytest.mark.parametrize("link", [LINK, OTHER])
+def test_a_copy_after_another_senders_value_or_over_another_link_sets_nothing(link):
+    station, second = Station(), Station(sender=replace(SENDER, component_id=191))
+    first = station.set_packet("SAFE_D_MIN", 1.3)
+    station.receive(first)
+    station.receive(first, OTHER)
+    station.due(OTHER)
+    station.due()
+    station.receive(second.set_packet("SAFE_D_MIN", 1.4))
+    station.due()
+    station.receive(first, link)
+    station.due(link)
+    assert [event.value for event in station.server.events_received()] == [1.3, 1.4]
+
+
+def test_packets_of_any_number_of_senders_take_bounded_memory():
+    station = Station()
+    for number in range(1_100):
+        sender = replace(SENDER, system_id=1 + number % 250, component_id=1 + number // 250)
+        station.codec = Codec(system_id=sender.system_id, component_id=sender.component_id)
+        station.set("LIM_WIND", 5.0 + number % 2)
+    assert len(station.server.events_received()) == 1_100
+    assert len(station.server._last) <= 1_000
 
 
 def test_a_value_that_is_sent_again_is_answered_and_is_no_second_setting():
