@@ -255,7 +255,7 @@ def _take_maps(state: CycleState, maps: NewMaps, now_s: float) -> None:
         if state.refused is None:
             state.reports.record("settings", now_s, changed=changed)
         _want_maps(state)
-    state.routes.learn_maps(maps.site_maps, now_s)
+    state.routes.learn_maps(maps.site_maps, now_s, for_settings=maps.vehicle is not None)
     state.paths_changed = True
 
 

@@ -36,8 +36,10 @@ class FlightLimits:
     def __init__(self, vehicle: Vehicle, config: CompanionConfig, reports: Reports) -> None:
         self.site_maps: SiteMaps | None = None
         """Site and maps, with the obstacles of the sensor; None without a site."""
-        self.obstacles_seen = False
+        self.maps_changed = False
         """True once the maps have changed in flight."""
+        self.obstacles_seen = False
+        """True once they have changed by obstacles that the sensor sees."""
         self._vehicle = vehicle
         self._config = config
         self._reports = reports
@@ -94,13 +96,24 @@ class FlightLimits:
         self.site_maps = self.offboard_loss.site_maps = site_maps
         self._fences = SiteFence(site_maps.site, self._config.supervision.fence_margin_m)
 
-    def learn_maps(self, site_maps: SiteMaps, flight: PathFollower | None, now_s: float) -> None:
-        """Takes maps of the site with other obstacles; brakes where they bar the path ahead."""
-        self.site_maps, self.obstacles_seen = site_maps, True
+    def learn_maps(
+        self,
+        site_maps: SiteMaps,
+        flight: PathFollower | None,
+        now_s: float,
+        *,
+        for_settings: bool = False,
+    ) -> None:
+        """Takes maps of the site with other obstacles; brakes where they bar the path ahead.
+
+        for_settings: the obstacles are the same, and the settings are others.
+        """
+        self.site_maps, self.maps_changed = site_maps, True
+        self.obstacles_seen = self.obstacles_seen or not for_settings
         volume = self.volume
         if flight is not None and volume is not None:
             flight.learn_maps(volume)
-            flight.avoid()
+            flight.avoid(seen=not for_settings)
         self.offboard_loss.learn_maps(site_maps, flight, now_s)
 
     def learn(

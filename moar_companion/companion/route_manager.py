@@ -89,9 +89,9 @@ class RouteManager:
         flown = None if flight is None or flight.mission is not mission else flight.adaptation
         return flown or Adaptation.of(self._vehicle, mission)
 
-    def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
-        """Takes maps of the site with other obstacles."""
-        self.limits.learn_maps(site_maps, self.flight, now_s)
+    def learn_maps(self, site_maps: SiteMaps, now_s: float, *, for_settings: bool = False) -> None:
+        """Takes maps of the site with other obstacles, or for other settings."""
+        self.limits.learn_maps(site_maps, self.flight, now_s, for_settings=for_settings)
         self._no_detour = False
 
     @property
@@ -224,7 +224,7 @@ class RouteManager:
         if flight is None or plan is None:
             return Adoption.TOO_LATE
         flown = None
-        barred = self.limits.obstacles_seen and flight.barred_by is not None
+        barred = self.limits.maps_changed and flight.barred_by is not None
         if not (awaited.first or barred) and answer.narrowed_m <= flight.path.volume.narrowed_m:
             flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
         if flown is not None and self._stays(flown, plan):
@@ -262,8 +262,8 @@ class RouteManager:
             self._under_way_s = now_s
         if flight is None or (awaited is not None and awaited.first):
             return
-        if self.limits.obstacles_seen:
-            flight.avoid()
+        if self.limits.maps_changed:
+            flight.avoid(seen=self.limits.obstacles_seen)
         if now_s - self._resumed_s >= _STANDS_FOR_S and self.resume_leg():
             self._resumed_s = now_s
         if awaited is not None:
@@ -281,12 +281,12 @@ class RouteManager:
         known = self._plans.basis.site_maps is self.limits.site_maps
         planned = self._plans.basis.vehicle
         seldom = age_s >= self._config.replanning.min_interval_s
-        if (seldom or not known) and self.limits.obstacles_seen and flight.barred_by is not None:
+        if (seldom or not known) and self.limits.maps_changed and flight.barred_by is not None:
             reason = "an obstacle bars the path"
         elif seldom and planned is not None and planned is not self._vehicle:
             reason = "settings were changed"
         elif seldom and not known:
-            reason = "other obstacles are seen"
+            reason = "the maps are others"
         elif flight.braked:
             # The task continues: an escape route has precedence over the cause of the brake.
             reason = "no progress" if age_s >= _STANDS_FOR_S else None

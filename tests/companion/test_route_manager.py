@@ -159,6 +159,18 @@ def barred(routes, job):
     return job
 
 
+@pytest.mark.parametrize("for_settings", [False, True])
+def test_maps_for_settings_that_bar_the_place_are_not_taken_for_an_obstacle_seen_late(for_settings):
+    routes = Routes()
+    routes.begin()
+    site = make_site(conductor(*START.position_m[::2], 0.1), exits=[(-3.0, 4.5)])
+    site_maps = SiteMaps(site=site, maps=Planner(site, routes.planner.vehicle).maps)
+    routes.manager.learn_maps(site_maps, routes.now_s, for_settings=for_settings)
+    routes.asked(START)
+    assert routes.manager.flight.barred_by is not None
+    assert routes.manager.flight.seen_late is not for_settings
+
+
 def test_the_wait_for_a_plan_is_not_ended_by_plans_that_newer_maps_bar():
     routes = Routes()
     routes.begin()

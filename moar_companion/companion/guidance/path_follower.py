@@ -222,14 +222,15 @@ class PathFollower:
         )
         return reason is None
 
-    def avoid(self) -> None:
+    def avoid(self, *, seen: bool = True) -> None:
         """Brakes before a barred place where the next plan could not begin before it.
 
-        On a leg no next plan begins.
+        On a leg no next plan begins. seen: what bars it may be an obstacle that was seen late.
         """
         barred_m = self._path.barred_m()
         stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
-        self.seen_late = barred_m is not None and barred_m <= stop_m
+        near = barred_m is not None and barred_m <= stop_m
+        self.seen_late = near and (seen or self.seen_late)
         if barred_m is None:
             return
         joined_m = self._path.junction().joined_m
