@@ -60,6 +60,7 @@ class FlightLimits:
         self._fences.take_margin(config.supervision.fence_margin_m)
         self.watch.take_settings(config.supervision, PowerModel.of(vehicle))
         self.offboard_loss.take_vehicle(vehicle)
+        self._take_fence()
 
     @property
     def not_ready_reason(self) -> str | None:
@@ -155,10 +156,15 @@ class FlightLimits:
         plane = self._fences.plane
         if self.site_maps is None or plane == before:
             return
-        height_m = self._vehicle.guidance.landing_height_m
-        self.fence = fenced(plane, self.site_maps.site, height_m)
+        self._take_fence()
         if flight is not None:
             flight.learn_fence(plane)
+
+    def _take_fence(self) -> None:
+        """Takes the part of the fence that cuts the site, with the ends of its landing legs."""
+        if self.site_maps is not None:
+            height_m = self._vehicle.guidance.landing_height_m
+            self.fence = fenced(self._fences.plane, self.site_maps.site, height_m)
 
     def _learn_unreported(self, kind: AutopilotKind, parameters: Parameters, now_s: float) -> None:
         """Takes the parameters that the autopilot never sent; reports them when none is awaited."""

@@ -45,11 +45,9 @@ class Routes:
         self.planner = Planner(make_site(exits=[(-3.0, 4.5)]), make_vehicle())
         self.recorded = []
         reports = SimpleNamespace(record=self._record, send_text=lambda *_, **__: None)
+        self.config = CompanionConfig(vehicle=shipped_configs())
         self.manager = RouteManager(
-            self.planner.vehicle,
-            CompanionConfig(vehicle=shipped_configs()),
-            reports,
-            self.planner.site.margin,
+            self.planner.vehicle, self.config, reports, self.planner.site.margin
         )
         limits = self.manager.limits
         limits.take_ground(SiteMaps(site=self.planner.site, maps=self.planner.maps))
@@ -157,6 +155,17 @@ def barred(routes, job):
     assert routes.manager.taken(routes.now_s) is None
     (job,) = routes.manager.plan_jobs()
     return job
+
+
+def test_a_landing_height_that_is_set_above_the_fence_limits_the_plans():
+    routes = Routes()
+    limits, vehicle = routes.manager.limits, routes.planner.vehicle
+    ceiling = PlaneFence(bounds=(Bound(name="ceiling", z_m=(-5.0, 15.0)),), margin_m=0.5)
+    limits._fences.plane = ceiling
+    for height_m, fence in ((2.0, None), (20.0, ceiling), (2.0, None)):
+        guidance = replace(vehicle.guidance, landing_height_m=height_m)
+        limits.take_settings(replace(vehicle, guidance=guidance), routes.config)
+        assert limits.fence == fence
 
 
 @pytest.mark.parametrize("for_settings", [False, True])
