@@ -28,6 +28,8 @@ _SAME_RAD = 0.05
 """Greatest difference of directions that are the same."""
 _GATE = 3.0
 """Greatest difference from the error before, in standard deviations: a fence beside is no wire."""
+_ONE_WIRE_RAD = 0.1
+"""Greatest change that one wire of several shows: it may be a row of something else."""
 _GREATEST_RAD = 0.7
 """Greatest error; a row that is turned by more is not of the line."""
 _ASIDE_RAD = 0.3
@@ -63,16 +65,22 @@ class LineHeading:
         return replace(self, blank=self.blank + 1)
 
     def shown_by(
-        self, found: Sequence[ConductorSighting], time_s: float, *, least: int
+        self,
+        found: Sequence[ConductorSighting],
+        time_s: float,
+        *,
+        least: int,
+        near: bool = True,
     ) -> LineHeading | None:
-        """The heading with a scan; None where fewer than `least` sightings have one direction."""
-        elapsed_s = 0.0 if self.seen_s is None else max(0.0, time_s - self.seen_s)
-        variance = min(self.variance_rad2 + (_DRIFT_RADPS * elapsed_s) ** 2, _BEGIN_RAD**2)
-        gate_rad = _GATE * math.sqrt(variance + _SIGHTING_RAD**2)
+        """The heading with a scan; None where fewer than `least` sightings have one direction.
+
+        near: those that differ by more than the error may have changed do not count.
+        """
+        variance, gate_rad = self._at(time_s)
         angles = sorted(
             angle
             for angle in (_turned_rad(each.direction) for each in found)
-            if abs(angle) < _GREATEST_RAD and abs(angle - self.turned_rad) < gate_rad
+            if abs(angle) < _GREATEST_RAD and (not near or abs(angle - self.turned_rad) < gate_rad)
         )
         if not angles:
             return None
@@ -80,18 +88,46 @@ class LineHeading:
         same = [angle for angle in angles if abs(angle - middle) < _SAME_RAD]
         if len(same) < least:
             return None
+        shown_rad = sum(same) / len(same)
+        if abs(shown_rad - self.turned_rad) >= gate_rad:
+            variance = _BEGIN_RAD**2
         gain = variance / (variance + _SIGHTING_RAD**2)
         return LineHeading(
-            turned_rad=self.turned_rad + gain * (sum(same) / len(same) - self.turned_rad),
+            turned_rad=self.turned_rad + gain * (shown_rad - self.turned_rad),
             variance_rad2=(1.0 - gain) * variance,
             seen_s=time_s,
         )
+
+    def may_be(self, other: LineHeading, time_s: float, *, alone: bool) -> bool:
+        """True if one wire may show another heading. alone: it is the only one that is listed."""
+        _, gate_rad = self._at(time_s)
+        most_rad = gate_rad if alone else min(gate_rad, _ONE_WIRE_RAD)
+        return abs(other.turned_rad - self.turned_rad) < most_rad
+
+    def _at(self, time_s: float) -> tuple[float, float]:
+        """Variance at a time, and the greatest difference of a direction that is near."""
+        elapsed_s = 0.0 if self.seen_s is None else max(0.0, time_s - self.seen_s)
+        variance = min(self.variance_rad2 + (_DRIFT_RADPS * elapsed_s) ** 2, _BEGIN_RAD**2)
+        return variance, _GATE * math.sqrt(variance + _SIGHTING_RAD**2)
 
     @property
     def back(self) -> FloatArray:
         """Rotation (3, 3) that takes the error off row vectors from the sensor."""
         cos, sin = math.cos(self.turned_rad), math.sin(self.turned_rad)
         return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rows(found: Sequence[ConductorSighting]) -> list[list[ConductorSighting]]:
+    """Sightings by their direction, which those of one line share."""
+    angles = [_turned_rad(each.direction) for each in found]
+    grouped: list[list[ConductorSighting]] = []
+    before_rad = -math.inf
+    for index in np.argsort(angles, kind="stable"):
+        if angles[index] - before_rad > _SAME_RAD:
+            grouped.append([])
+        grouped[-1].append(found[index])
+        before_rad = angles[index]
+    return grouped
 
 
 def _turned_rad(direction: FloatArray) -> float:

@@ -7,7 +7,7 @@ place in the line's frame.
 State of a Kalman filter: the offset (x, z) in the plane, and the error of the attitude about the
 line, which turns everything that is seen about the sensor. Model: the estimate drifts by at most
 0.3 m/s; its jumps are known (`shift`). The error of the heading is taken off first
-(`line_heading`).
+(`line_heading`): each direction in which rows are seen is tried, and that of the wires counts.
 
 Which sighting is of which wire is decided for a whole scan: the hypothesis with the most pairs that
 are jointly compatible (Neira, Tardos: "Data Association in Stochastic Mapping Using the Joint
@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from ..planner.site import PlanePoint
 from ..types import Vector
-from .line_heading import LineHeading
+from .line_heading import LineHeading, rows
 from .perception_report import LineOffset
 from .scan_conductors import ConductorSighting
 
@@ -144,21 +144,16 @@ class LineTracker:
     def step(self, found: Sequence[ConductorSighting], sensor_m: FloatArray, time_s: float) -> None:
         """Takes the sightings of a scan. sensor_m: (3,), placed by the estimate as they are."""
         nearest = sorted(found, key=lambda each: each.range_m)[:_MOST_SIGHTINGS]
-        few = self.is_known or len(self._wires_m) < _LEAST_PAIRS
-        shown = self._heading.shown_by(nearest, time_s, least=1 if few else _LEAST_PAIRS)
-        heading = self._heading if shown is None else shown
-        places = np.array([_crossing_m(each, sensor_m, heading) for each in nearest]).reshape(-1, 2)
         self._forget_by(time_s)
-        mean, covariance = self._mean_at(time_s), self._covariance_at(time_s)
-        best = self._matched_scan(places, places - sensor_m[[0, 2]], mean, covariance)
+        best, shown = self._matched_scan(nearest, sensor_m, time_s)
         pairs = 0 if best is None else len(best.pairs)
         if best is not None and self._agrees(best):
             self._mean, self._covariance = best.mean, best.covariance
             self._seen_s, self._matched = time_s, pairs
-        # Other rows than the line's turn nothing, once its wires are listed.
-        by_line = best is not None or not self._wires_m
-        self._heading = shown if shown is not None and by_line else self._heading.missed()
-        if not self._should_see(sensor_m) or pairs >= min(_LEAST_PAIRS, len(places) - 1):
+        if not self._wires_m:
+            shown = self._heading.shown_by(nearest, time_s, least=_LEAST_PAIRS)
+        self._heading = self._heading.missed() if shown is None else shown
+        if not self._should_see(sensor_m) or pairs >= min(_LEAST_PAIRS, len(nearest) - 1):
             self._contradicted_s = None
         elif self._contradicted_s is None:
             self._contradicted_s = time_s
@@ -241,23 +236,41 @@ class LineTracker:
         return 1.0 if self._seen_s is None else math.exp(-max(0.0, time_s - self._seen_s) / _TURN_S)
 
     def _matched_scan(
-        self, places: FloatArray, beside: FloatArray, mean: FloatArray, covariance: FloatArray
-    ) -> _Hypothesis | None:
-        """The hypothesis of a scan; None where no or no clear one has pairs enough."""
+        self, found: Sequence[ConductorSighting], sensor_m: FloatArray, time_s: float
+    ) -> tuple[_Hypothesis | None, LineHeading | None]:
+        """The hypothesis of a scan, and the heading that its wires show.
+
+        The wires of a line have one direction: sightings of each are matched on their own. None,
+        where no or no clear hypothesis has pairs enough.
+        """
         wires = np.array(self._wires_m).reshape(-1, 2)
+        mean, covariance = self._mean_at(time_s), self._covariance_at(time_s)
         nothing = _Hypothesis(
-            pairs=(), squared=_UNPAIRED * len(places), mean=mean, covariance=covariance
+            pairs=(), squared=_UNPAIRED * len(found), mean=mean, covariance=covariance
         )
-        found = _Search(places, beside, wires).costs(mean, covariance)
-        best, *others = sorted((*found, nothing), key=lambda each: each.squared)
+        hypotheses: list[tuple[_Hypothesis, LineHeading | None]] = [(nothing, None)]
+        for row in rows(found):
+            heading = self._heading.shown_by(row, time_s, least=1, near=False)
+            if heading is None:
+                continue
+            places = np.array([_crossing_m(each, sensor_m, heading) for each in row])
+            one_shows = self._heading.may_be(
+                heading, time_s, alone=len(wires) == 1 and not self._learns
+            )
+            others_cost = _UNPAIRED * (len(found) - len(row))
+            for each in _Search(places, places - sensor_m[[0, 2]], wires).costs(mean, covariance):
+                if one_shows or len(each.pairs) >= _LEAST_PAIRS:
+                    cost = each.squared + others_cost
+                    hypotheses.append((replace(each, squared=cost), heading))
+        (best, shown), *others = sorted(hypotheses, key=lambda each: each[0].squared)
         known = math.sqrt(max(covariance[0, 0], covariance[1, 1])) < _KNOWN_M
         if len(best.pairs) < (1 if known or len(wires) == 1 else _LEAST_PAIRS):
-            return None
-        for other in others:
+            return None, None
+        for other, _ in others:
             elsewhere = math.dist(best.mean[:2], other.mean[:2]) > _ANOTHER_M
             if elsewhere and other.squared - best.squared < _CLEARER:
-                return None
-        return best
+                return None, None
+        return best, shown
 
 
 def _crossing_m(

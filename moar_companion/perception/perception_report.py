@@ -52,8 +52,8 @@ class LineOffset:
     covariance_m2: of x, of x with z, of z. jumped_m: sum of the estimate's jumps that it includes.
     seen_s: time of the last scan whose wires gave it, None while nothing is known of it; wires:
     their number. contradicted_s: time since which scans contradict it; None: they do not.
-    turned_rad: angle, counterclockwise from above, by which the autopilot's heading turns what is
-    seen: added to that heading it gives the one by the line.
+    turned_rad: error by which the autopilot's heading turns what is seen, counterclockwise from
+    above. The true heading is the autopilot's (clockwise) plus this angle.
     """
 
     offset_m: PlanePoint = (0.0, 0.0)

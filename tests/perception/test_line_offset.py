@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -289,3 +290,57 @@ def test_a_silent_lidar_forgets_its_offset_by_time_alone():
     assert scans.tracker.report(scans.time_s + 5.0, STILL).seen_s is not None
     assert scans.tracker.report(scans.time_s + 11.0, STILL).seen_s is None
     assert scans.error_m() < 0.2  # it stays as it was
+
+
+COLUMN = ((7.0, 10.0), (7.0, 13.5), (7.0, 17.0))
+
+
+def row(place_m, turned_deg):
+    """A wire at a place, turned about the vertical there."""
+    angle, straight = math.radians(turned_deg), sighting(place_m, PLACE)
+    direction = np.array([-math.sin(angle), math.cos(angle), 0.0])
+    return replace(straight, direction=direction)
+
+
+def shown_by(tracker, found, from_s, scans):
+    """Report after scans of the same rows."""
+    for number in range(1, scans + 1):
+        tracker.step(found, PLACE, from_s + SCAN_S * number)
+    return tracker.report(from_s + SCAN_S * scans, STILL)
+
+
+@pytest.mark.parametrize("turned_deg", [8.0, 13.0, 16.0])
+def test_a_line_beside_in_another_direction_turns_and_moves_nothing(turned_deg):
+    """It has more wires than the site's."""
+    other = [row((-9.0, z), turned_deg) for z in (10.0, 12.5, 15.0, 17.5)]
+    found = [*(row(place, 0.0) for place in COLUMN), *other]
+    report = shown_by(LineTracker(COLUMN), found, 0.0, 20)
+    assert report.wires == 3
+    assert math.degrees(report.turned_rad) == pytest.approx(0.0, abs=0.5)
+    assert report.offset_m == pytest.approx((0.0, 0.0), abs=0.05)
+
+
+@pytest.mark.parametrize("gap_s", [0.3, 0.8, 1.5, 2.5])
+@pytest.mark.parametrize("turned_deg", [10.0, 18.0, 22.0])
+def test_one_row_near_a_wire_after_a_gap_does_not_turn_the_heading(gap_s, turned_deg):
+    tracker, wires = LineTracker(COLUMN), [row(place, 0.0) for place in COLUMN]
+    shown_by(tracker, wires, 0.0, 10)
+    report = shown_by(tracker, [row((6.6, 13.2), turned_deg)], 1.0 + gap_s, 10)
+    assert math.degrees(report.turned_rad) == pytest.approx(0.0, abs=0.5)
+    assert report.offset_m == pytest.approx((0.0, 0.0), abs=0.05)
+    assert report.seen_s == pytest.approx(1.0)
+
+
+def test_two_wires_of_the_line_show_a_heading_that_has_jumped():
+    tracker = LineTracker(COLUMN)
+    shown_by(tracker, [row(place, 0.0) for place in COLUMN], 0.0, 10)
+    crossing_m = 7.0 / math.cos(math.radians(20.0))
+    turned = [row((crossing_m, z), 20.0) for _, z in COLUMN[:2]]
+    report = shown_by(tracker, turned, 1.0, 3)
+    assert math.degrees(report.turned_rad) == pytest.approx(20.0, abs=0.5)
+    assert report.contradicted_s is None
+
+
+def test_without_a_site_file_one_row_turns_nothing():
+    report = shown_by(LineTracker(()), [row((-8.0, 10.0), 16.0)], 0.0, 20)
+    assert report.turned_rad == 0.0
