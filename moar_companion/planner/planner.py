@@ -18,7 +18,7 @@ from ..types import Mission, RiskIndices, Weights
 from .adaptation import Adaptation, Calibration
 from .calibration import calibrated
 from .cost_to_go_tables import TableBuilder, shares
-from .graph import build_graph
+from .graph import Graph, build_graph
 from .grid import STOP, BoolArray, IntArray
 from .maps import Maps, build_maps, with_exposed
 from .plan_values import Compute, Cost, Plan, PlanRequest, PlanStatus
@@ -129,9 +129,8 @@ class Planner:
         clock: seconds, for the times in a plan's `compute`; None: they are unknown. No plan
         depends on it.
         """
-        self.vehicle = vehicle
         self.clock = clock
-        self._build(site, position_uncertainty_m, fence, before=None)
+        self._build(site, vehicle, position_uncertainty_m, fence, before=None)
         self._solver = Solver(self.graph)
 
     def prepare(self, *, mission: Mission | str, target: str | int | None = None) -> None:
@@ -184,13 +183,17 @@ class Planner:
 
         Tables are dropped, one in preparation, too. site: its obstacles have the margin.
         """
-        self._build(site, self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
+        uncertainty_m, fence = self.maps.position_uncertainty_m, self.maps.fence
+        self._build(site, self.vehicle, uncertainty_m, fence, before=self.maps)
         self._solver.graph = self.graph
 
     def set_vehicle(self, vehicle: Vehicle, site: Site) -> None:
-        """Sets another vehicle on the same site, with its margin: builds the maps, drops goals."""
-        self.vehicle = vehicle
-        self._build(site, self.maps.position_uncertainty_m, self.maps.fence, before=None)
+        """Sets another vehicle on the same site, with its margin: builds the maps, drops goals.
+
+        After an error the planner is as before.
+        """
+        uncertainty_m, fence = self.maps.position_uncertainty_m, self.maps.fence
+        self._build(site, vehicle, uncertainty_m, fence, before=None)
         self._solver.graph = self.graph
 
     def set_exposed(self, exposed: BoolArray) -> None:
@@ -199,22 +202,25 @@ class Planner:
         Drops goals, tables and a table in preparation. Other obstacles remove the exposed cells.
         """
         began_s = self._clock_s()
-        self._take(with_exposed(self._unexposed, exposed, self.vehicle.safety), began_s)
+        maps = with_exposed(self._unexposed, exposed, self.vehicle.safety)
+        self._take(maps, build_graph(maps, self.vehicle), began_s)
         self._solver.graph = self.graph
 
     def _build(
         self,
         site: Site,
+        vehicle: Vehicle,
         position_uncertainty_m: float,
         fence: PlaneFence | None,
         *,
         before: Maps | None,
     ) -> None:
         began_s = self._clock_s()
-        maps = build_maps(site, self.vehicle, position_uncertainty_m, fence=fence, before=before)
-        self.site = site
+        maps = build_maps(site, vehicle, position_uncertainty_m, fence=fence, before=before)
+        graph = build_graph(maps, vehicle)
+        self.site, self.vehicle = site, vehicle
         self._unexposed = maps
-        self._take(maps, began_s)
+        self._take(maps, graph, began_s)
 
     def _clock_s(self) -> float | None:
         return None if self.clock is None else self.clock()
@@ -223,9 +229,8 @@ class Planner:
         """Time since then; None without a clock."""
         return None if self.clock is None or began_s is None else 1e3 * (self.clock() - began_s)
 
-    def _take(self, maps: Maps, began_s: float | None) -> None:
-        self.maps = maps
-        self.graph = build_graph(maps, self.vehicle)
+    def _take(self, maps: Maps, graph: Graph, began_s: float | None) -> None:
+        self.maps, self.graph = maps, graph
         self._map_ms = self._passed_ms(began_s)
         self._goals: dict[_Key, _Goal] = {}
         self._tables: dict[_Key, _Prepared] = {}

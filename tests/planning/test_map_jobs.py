@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from moar_companion.companion.planning.map_jobs import MapJob, answer_map_job
+from moar_companion.companion.planning.map_jobs import MapJob, SettingsJob, answer_map_job
 from moar_companion.companion.planning.planner_set import PlannerSet
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Conductor, Margin, Polygon, Site
@@ -100,3 +101,22 @@ def test_a_target_is_not_moved_into_a_region_that_is_cut_off(planners):
     answer = answer_map_job(planners, job(planners, wire(x_m, z_m), *shaft, slack_m=4.0))
     moved = answer.site_maps.site.target("splice-outer")
     assert moved.position_m == (x_m, z_m) or abs(moved.position_m[0] - x_m) > 3.0
+
+
+@pytest.mark.parametrize("fails", ["build_maps", "build_graph"])
+def test_settings_whose_maps_cannot_be_made_leave_the_planner_as_it_was(
+    planners, fails, monkeypatch
+):
+    made = planners.exact
+    before = (made.site, made.vehicle, made.maps, made.graph)
+    vehicle = replace(made.vehicle, radius_m=1.0)
+    settings = SettingsJob(job_id=1, site=made.site.with_more_obstacles(()), vehicle=vehicle)
+
+    def failing(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(f"moar_companion.planner.planner.{fails}", failing)
+    with pytest.raises(MemoryError):
+        answer_map_job(planners, settings)
+    now = (made.site, made.vehicle, made.maps, made.graph)
+    assert all(one is other for one, other in zip(now, before, strict=True))
