@@ -193,7 +193,9 @@ def test_weights_are_not_all_0() -> None:
     )
 
 
-_SINGLES = st.integers(0, 2**32 - 1).map(lambda bits: struct.unpack("<f", bits.to_bytes(4))[0])
+_SINGLES = st.integers(0, 2**32 - 1).map(
+    lambda bits: struct.unpack("<f", struct.pack("<I", bits))[0]
+)
 _LARGEST = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 _NEAR_A_MIDPOINT = 46.37611578667585
 """Between two singles: its nine digits are the other one."""
