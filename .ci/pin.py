@@ -27,7 +27,7 @@ def resolve(interpreter: str) -> tuple[str, dict[str, str]]:
     pip = [sys.executable, "-m", "pip", "-qq", "--python", interpreter]
     what = ["install", "--dry-run", "--ignore-installed", "--only-binary=:all:", "--report", "-"]
     answer = subprocess.run(
-        [*pip, *what, "--editable", ".[dev]", "pip", "setuptools"],
+        [*pip, *what, "--editable", ".[dev]", "pip", "setuptools", "setuptools-scm"],
         stdout=subprocess.PIPE,
         check=True,
         cwd=ROOT,

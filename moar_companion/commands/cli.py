@@ -327,23 +327,19 @@ def _service_parser() -> _Parser:
         "exit status: 0 done; 2 usage or bad input; 1 anything else"
     )
     parser.add_argument(
-        "--version", action=_Version, nargs=0, help="show program's version number and exit"
+        "--version",
+        action=_Version,
+        nargs=0,
+        help="show the versions of program and libraries, and exit",
     )
     return parser
 
 
 class _Version(argparse.Action):
-    """Prints the version; reads it only then, since that takes longer than argparse."""
+    """Prints the versions; reads them only then, since that takes longer than argparse."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        sys.stdout.write(f"{PROGRAM} {_version()}\n")
+        from .versions import version_lines  # noqa: PLC0415
+
+        sys.stdout.write("".join(f"{line}\n" for line in version_lines()))
         parser.exit()
-
-
-def _version() -> str:
-    import importlib.metadata  # noqa: PLC0415
-
-    try:
-        return importlib.metadata.version(PROGRAM)
-    except importlib.metadata.PackageNotFoundError:
-        return "(not installed)"

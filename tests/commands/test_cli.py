@@ -73,6 +73,14 @@ def test_help_and_version_go_to_stdout(argv, capsys):
     assert err == ""
 
 
+def test_the_version_names_the_libraries_of_a_flight_and_no_others(capsys):
+    cli.main(["--version"])
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert names[:3] == ["moar-companion", "python", "linux"]
+    assert {"numba", "numpy", "pymavlink", "scipy"} <= set(names)
+    assert not {"pytest", "matplotlib", "ruff"} & set(names)
+
+
 def test_help_names_every_command_and_shows_examples(capsys):
     cli.main(["--help"])
     out = capsys.readouterr().out
