@@ -213,7 +213,16 @@ class Site:
     @classmethod
     def of_text(cls, text: str, source: str) -> Site:
         """The site in the text of a YAML file; raises InputError as `load`."""
-        file = yaml_file.parsed(text, source, SiteFile, _findings)
+        return cls.of_file(yaml_file.parsed(text, source, SiteFile, _findings))
+
+    @classmethod
+    def of_document(cls, document: Any, source: str) -> Site:
+        """The site of a file's content as a mapping; raises InputError as `load`."""
+        return cls.of_file(yaml_file.accepted(document, source, SiteFile, _findings))
+
+    @classmethod
+    def of_file(cls, file: SiteFile) -> Site:
+        """The site that a file describes."""
         origin = file.frame.origin
         workspace = file.workspace
         obstacles = tuple(
@@ -436,6 +445,12 @@ class SiteFile(FileModel):
     targets: dict[Name, _TargetFile] = Field(default_factory=dict)
     """Targets by name, visited in this order."""
     landing: _LandingFile = Field(default_factory=_LandingFile)
+
+
+def site_document(text: str, source: str) -> dict[str, Any]:
+    """Content of a site file's text as a mapping, without defaults; InputError as `Site.load`."""
+    file = yaml_file.parsed(text, source, SiteFile, _findings)
+    return file.model_dump(mode="json", exclude_unset=True)
 
 
 def _findings(file: SiteFile) -> Iterator[FileFinding]:

@@ -14,7 +14,7 @@ import itertools
 import os
 import re
 import typing
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import yaml
@@ -117,9 +117,27 @@ def parsed(
         raise InputError(source, "", "is nested too deeply") from None
     places = _places(root)
     findings.sort(key=lambda finding: _place(finding.key, places))
+    raise _refused(source, findings)
+
+
+def accepted(
+    data: Any,
+    source: str,
+    schema: type[Model],
+    check: Callable[[Model], Iterable[FileFinding]] = lambda _: (),
+) -> Model:
+    """Content as of a file, from elsewhere, as the schema's model; errors as of `parsed`."""
+    found = validated(data, schema, check)
+    if isinstance(found, list):
+        raise _refused(source, found)
+    return found
+
+
+def _refused(source: str, findings: Sequence[FileFinding]) -> InputError:
+    """The first finding, and the number of the others."""
     more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
     parts = tuple(InputError(source, dotted(item.key), item.problem) for item in findings)
-    raise InputError(source, parts[0].key, parts[0].problem + more, parts=parts)
+    return InputError(source, parts[0].key, parts[0].problem + more, parts=parts)
 
 
 def validated(

@@ -1,0 +1,83 @@
+"""A site and its maps as displays draw them, fit for JSON.
+
+Input: a site, maps of it. Output: mappings; maps are bytes in base64, row by row from the least z.
+"""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from .grid import BoolArray, FloatArray
+from .maps import Maps
+from .site import Conductor, Obstacle, PlanePoint, Site
+
+_OCCUPIED = 255
+_GREATEST = 254
+
+
+def site_view(site: Site) -> dict[str, Any]:
+    """A site as the planner has it: keep-outs with the margin, targets as coordinates."""
+    space = site.workspace
+    return {
+        "name": site.name,
+        "frame": {"origin": asdict(site.frame.origin), "azimuth_deg": site.frame.azimuth_deg},
+        "workspace": {
+            "x_m": [space.lower_m[0], space.upper_m[0]],
+            "z_m": [space.lower_m[1], space.upper_m[1]],
+            "resolution_m": space.resolution_m,
+            "min_altitude_m": space.min_altitude_m,
+        },
+        "obstacles": [_obstacle(item) for item in site.obstacles],
+        "start": _point(site.start_m),
+        "targets": [
+            {
+                "name": item.name,
+                **_point(item.position_m),
+                "dwell_s": item.dwell_s,
+                "yaw_deg": item.yaw_deg,
+            }
+            for item in site.targets
+        ],
+        "landing": {
+            mission.value: [_point(point) for point in points]
+            for mission, points in site.landing_m.items()
+        },
+        "margin_m": site.margin.total_m,
+    }
+
+
+def _obstacle(item: Obstacle) -> dict[str, Any]:
+    if isinstance(item, Conductor):
+        place = {"kind": "conductor", **_point(item.position_m), "radius_m": item.radius_m}
+    else:
+        place = {"kind": "polygon", "vertices_m": [list(vertex) for vertex in item.vertices_m]}
+    return {"name": item.name, "keep_out_m": item.keep_out_m, **place}
+
+
+def _point(point_m: PlanePoint) -> dict[str, Any]:
+    return {"x_m": point_m[0], "z_m": point_m[1]}
+
+
+def maps_view(maps: Maps) -> dict[str, Any]:
+    """Maps of safety cost and speed limit: a value is its byte times `scale`; 255 is occupied."""
+    columns, rows = maps.grid.shape
+    return {
+        "columns": columns,
+        "rows": rows,
+        "lower_m": list(maps.grid.lower_m),
+        "cell_m": maps.grid.resolution_m,
+        "safety": _bytes(maps.safety_cost, maps.occupied),
+        "speed_mps": _bytes(maps.speed_limit_mps, maps.occupied),
+    }
+
+
+def _bytes(values: FloatArray, occupied: BoolArray) -> dict[str, Any]:
+    """Values (nx, nz), not negative, as bytes with their scale."""
+    scale = float(values.max()) / _GREATEST or 1.0
+    data = np.rint(values / scale).astype(np.uint8)
+    data[occupied] = _OCCUPIED
+    return {"scale": scale, "data": base64.b64encode(data.T.tobytes()).decode()}
