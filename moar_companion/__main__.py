@@ -15,6 +15,10 @@ def main() -> int:
     signal.signal(signal.SIGINT, _end)
     # No plugins are used; pydantic would search every installed package for them.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    if "_ARGCOMPLETE" in os.environ:  # set by the script of `moar-companion completion`
+        from .commands.completion import complete  # noqa: PLC0415
+
+        complete()
     from .commands.cli import main as run  # noqa: PLC0415
 
     status = run()

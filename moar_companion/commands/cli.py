@@ -15,7 +15,7 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -144,6 +144,18 @@ COMMANDS = {
             f"{PROGRAM} watch --mqtt mqtt://127.0.0.1 --once",
         ),
     ),
+    "completion": Subcommand(
+        module="completion",
+        summary="write the script that completes commands in bash, zsh or fish",
+        description="Write the script by which a shell completes commands, options, targets and "
+        "files as they are typed. The script asks the installed program, so that it stays the "
+        "same after an update.",
+        examples=(
+            f"{PROGRAM} completion bash | sudo tee /etc/bash_completion.d/{PROGRAM}",
+            f"{PROGRAM} completion zsh > ~/.zfunc/_{PROGRAM}    # a folder of $fpath",
+            f"{PROGRAM} completion fish > ~/.config/fish/completions/{PROGRAM}.fish",
+        ),
+    ),
     "docs": Subcommand(
         module="docs",
         summary="write the reference page and the schemas of a checkout",
@@ -256,10 +268,14 @@ def _run(argv: Sequence[str]) -> int:
         parser, command, rest = _Parser(f"{PROGRAM} {first}", COMMANDS[first]), COMMANDS[first], 1
     else:
         parser, command, rest = _service_parser(), SERVICE, 0
-    module: Any = importlib.import_module(f".{command.module}", __package__)
+    module = _module(command)
     module.add_arguments(parser)
     status: int = module.run(parser.parse_args(_joined(argv[rest:])))
     return status
+
+
+def _module(command: Subcommand) -> Any:
+    return importlib.import_module(f".{command.module}", __package__)
 
 
 _NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
@@ -332,6 +348,28 @@ def _service_parser() -> _Parser:
         nargs=0,
         help="show the versions of program and libraries, and exit",
     )
+    return parser
+
+
+def parser_for_completion(
+    first: str, add_words: Callable[[argparse.ArgumentParser], None]
+) -> argparse.ArgumentParser:
+    """Parser of the whole command line for shell completion; first: its first word.
+
+    Only the module of the command that is typed is loaded. add_words: is called with each parser
+    that has arguments.
+    """
+    parser = argparse.ArgumentParser(PROGRAM, allow_abbrev=False)
+    parser.add_argument("--version", action="store_true", help="show the version")
+    commands = parser.add_subparsers()
+    for name, command in COMMANDS.items():
+        subparser = commands.add_parser(name, help=command.summary)
+        if name == first:
+            _module(command).add_arguments(subparser)
+            add_words(subparser)
+    if first not in COMMANDS:
+        _module(SERVICE).add_arguments(parser)
+        add_words(parser)
     return parser
 
 

@@ -53,10 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the order, its target, the link, the site and the time-out."""
     parser.add_argument(
         "order",
-        metavar="MISSION",
+        metavar="|".join(_WORDS),
         type=_word,
-        help=f"one of {', '.join(ORDERS)}; or {_STATUS}, which orders nothing and shows what the "
-        "companion says of itself",
+        help=f"the order; {_STATUS} orders nothing and shows what the companion says of itself",
     )
     parser.add_argument(
         "--target",

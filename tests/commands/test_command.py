@@ -314,7 +314,7 @@ def test_a_url_is_converted_to_that_of_mavsdk(url, mavsdks):
         (["hold", "--timeout", "0"], ["--timeout", "'0'", "above 0"]),
         (["hold", "--timeout", "nan"], ["--timeout", "'nan'"]),
         (["hold", "--connect", "pigeon:home"], ["'pigeon:home'", "udp:HOST:PORT"]),
-        ([], ["MISSION"]),
+        ([], ["inspection|exit|evacuation"]),
     ],
 )
 def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, words, capsys):
