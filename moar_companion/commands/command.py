@@ -117,7 +117,7 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
         from ..planner.site import Site  # noqa: PLC0415
 
         site, mission = Site.load(site_file), Mission(order)
-        names = [target.name for target in site.targets]
+        names = [*site.target_names]
         if not mission.visits_targets:
             names = [str(index) for index in range(len(site.landing_m.get(mission, ())))]
         if given in names:

@@ -67,7 +67,7 @@ def _mission_orders(site: Site) -> Iterator[SiteOrder]:
     for mission in Mission:
         word = mission.value
         if mission.visits_targets:
-            places = {target.name: f"Inspect {target.name}, and hold" for target in site.targets}
+            places = {name: f"Inspect {name}, and hold" for name in site.target_names}
             every = "Inspect every target in turn, and hold at the last"
         else:
             places = {

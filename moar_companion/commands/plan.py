@@ -294,7 +294,7 @@ def _weights(text: str) -> Weights:
 def _target(site: Site, source: str, mission: Mission, given: str | None) -> str | int | None:
     """The target's name or the landing point's index, checked against the site."""
     if mission.visits_targets:
-        names = [target.name for target in site.targets]
+        names = [*dict.fromkeys((*site.target_names, *(item.name for item in site.targets)))]
         if not names:
             raise InputError(source, "targets", "has none, an inspection needs one")
         if given is not None and given not in names:

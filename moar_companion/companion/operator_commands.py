@@ -55,11 +55,12 @@ def understood(
     assert site is not None
     index = command.index
     if command.mission.visits_targets:
-        names = tuple(target.name for target in site.targets)
+        names = site.target_names
         if not names or (index is not None and index >= len(names)):
             reason = pilot_texts.NO_TARGET(index=index or 0, number=len(names))
             return Refused(reason=reason)
-        stops = names if index is None else (names[index],)
+        chosen = names if index is None else names[index : index + 1]
+        stops = tuple(stop for name in chosen for stop in site.stops_of(name))
         return Task(mission=command.mission, stops=stops)
     landings = site.landing_m.get(command.mission, ())
     if not landings or (index is not None and index >= len(landings)):

@@ -91,8 +91,9 @@ def _target(state: CycleState) -> int | None:
     task, site = state.status.requested or state.status.task, state.site
     if state.status.state not in ENGAGED or task is None or site is None or not task.stops:
         return None
-    names = [target.name for target in site.targets]
-    return names.index(task.stops[0]) if task.stops[0] in names else None
+    names = {target.name: target.target_name for target in site.targets}
+    stop = task.stops[0]
+    return site.target_names.index(names[stop]) if stop in names else None
 
 
 def _mission(state: CycleState) -> tuple[GeodeticPoint, ...]:

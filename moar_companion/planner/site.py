@@ -28,7 +28,9 @@ from .site_frame import SiteFrame
 PlanePoint = tuple[float, float]
 
 DEFAULT_DWELL_S = 5.0
-"""Default dwell: time for a few pictures of a splice."""
+"""Default dwell of a target without views: time for a few pictures of a splice."""
+_AIM_S, _PICTURE_S = 4.0, 2.0
+"""Expected times until camera and aircraft are at rest, and from a picture to its confirmation."""
 MAX_CELLS = 4_000_000
 """Most cells of a plane: limits the memory of the precomputed maps on a companion computer."""
 _COUNTLESS = 1e18
@@ -107,14 +109,51 @@ Obstacle = Conductor | Polygon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """Pictures or video of a target from one place.
+
+    target: name of the target. number: of the view among the target's, from 1. aim_m: the point
+    that the camera aims at. zoom_percent: of the camera's range; None: as it is.
+    """
+
+    target: str
+    number: int
+    aim_m: PlanePoint
+    pictures: int
+    video_s: float
+    zoom_percent: float | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """Expected duration: to aim and to settle, of each picture, and of the video."""
+        return _AIM_S + self.pictures * _PICTURE_S + self.video_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """A place of inspection; `look_at_m` is the point that the vehicle faces, if known."""
+    """A place of inspection: a target without views, or one view of a target.
+
+    look_at_m: the point that the vehicle faces, if known; of a view, its aim.
+    """
 
     name: str
+    """Of the target; of a view with its number, as `splice-1/2`."""
     position_m: PlanePoint
     dwell_s: float
+    """Least time at the place."""
     yaw_deg: float | None = None
     look_at_m: PlanePoint | None = None
+    view: View | None = None
+
+    @property
+    def target_name(self) -> str:
+        """Name of the target in the site file."""
+        return self.name if self.view is None else self.view.target
+
+    @property
+    def hold_s(self) -> float:
+        """Expected time at the place."""
+        return self.dwell_s if self.view is None else max(self.dwell_s, self.view.duration_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +204,7 @@ class Site:
     obstacles: tuple[Obstacle, ...]
     start_m: PlanePoint
     targets: tuple[Target, ...]
-    """In file order, which is the order of the visits."""
+    """Places of the targets and of their views, in file order."""
     landing_m: Mapping[Mission, tuple[PlanePoint, ...]]
     """Landing points of the exit and of the evacuation; a mission without any is absent."""
     margin: Margin = Margin()
@@ -178,10 +217,22 @@ class Site:
         """Its conductors, without the other obstacles."""
         return tuple(item for item in self.obstacles if isinstance(item, Conductor))
 
+    @property
+    def target_names(self) -> tuple[str, ...]:
+        """Names of the targets, in file order: orders count them from 0."""
+        return tuple(dict.fromkeys(target.target_name for target in self.targets))
+
+    def stops_of(self, name: str) -> tuple[str, ...]:
+        """Names of the places of one target, in file order."""
+        return tuple(item.name for item in self.targets if item.target_name == name)
+
     def target(self, name: str | int | None) -> Target:
-        """The target of this name; the first for None. Raises InputError without it."""
+        """The place of this name; of a target with views the first. None: the site's first.
+
+        Raises InputError without it.
+        """
         for target in self.targets:
-            if name is None or name == target.name:
+            if name is None or name in (target.name, target.target_name):
                 return target
         known = ", ".join(target.name for target in self.targets) or "none"
         raise InputError(self.name, "targets", f"no target {name!r}; the site has: {known}")
@@ -251,7 +302,11 @@ class Site:
             ),
             obstacles=obstacles,
             start_m=file.start.position_m,
-            targets=tuple(target.target(name, conductors) for name, target in file.targets.items()),
+            targets=tuple(
+                place
+                for name, target in file.targets.items()
+                for place in target.places(name, conductors)
+            ),
             landing_m={
                 mission: tuple(point.position_m for point in points)
                 for mission, points in landing.items()
@@ -377,48 +432,114 @@ class _ObstacleFile(FileModel):
         return {key: shape for key, shape in both.items() if shape is not None}
 
 
-class _TargetFile(FileModel):
-    """Coordinates, or a conductor with a distance from its surface and a side."""
+_Side = Literal["left", "right", "above", "below"]
+
+
+class _ViewFile(FileModel):
+    """Coordinates, or a distance and a side of the target's conductor or point, or of another."""
 
     x_m: Coordinate | None = None
-    """Place of the inspection, along the azimuth; or the keys of a place beside a conductor."""
+    """Place of the view, along the azimuth; or the keys of a place beside the target."""
     z_m: Coordinate | None = None
-    """Place of the inspection, up."""
+    """Place of the view, up."""
+    conductor: Name | None = None
+    """Name of the conductor; none: the target's conductor, or its point."""
+    standoff_m: PositiveLength | None = None
+    """Distance from its surface, or from the point."""
+    side: _Side | None = None
+    """Side of it; left is towards -x."""
+    aim: _PointFile | None = None
+    """Point in the plane that the camera aims at; none: the conductor or point."""
+    pictures: Annotated[int, Field(ge=0, le=1_000)] | None = None
+    """Number of pictures; none: 1, with `video_s` 0."""
+    video_s: Annotated[float, Field(ge=0.0, le=3_600.0)] = 0.0
+    """Duration of a video; 0: none."""
+    zoom_percent: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
+    """Zoom in its range, 0 is wide; none: as the camera stands."""
+
+    @property
+    def count(self) -> int:
+        """Number of pictures."""
+        return int(not self.video_s) if self.pictures is None else self.pictures
+
+
+class _TargetFile(FileModel):
+    """Coordinates, or a conductor with a distance from its surface and a side; or views."""
+
+    x_m: Coordinate | None = None
+    """Place of the inspection, along the azimuth; or the keys of a place beside a conductor. With
+    views the point that they show."""
+    z_m: Coordinate | None = None
+    """Place of the inspection, or that point, up."""
     conductor: Name | None = None
     """Name of the inspected conductor."""
     standoff_m: PositiveLength | None = None
-    """Distance from its surface."""
-    side: Literal["left", "right", "above", "below"] | None = None
-    """Side of it; left is towards -x."""
-    dwell_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = DEFAULT_DWELL_S
-    """Hold time there."""
+    """Distance from its surface; with views, each has its own."""
+    side: _Side | None = None
+    """Side of it; left is towards -x. With views, each has its own."""
+    dwell_s: Annotated[float, Field(ge=0.0, le=86_400.0)] | None = None
+    """Least hold time there; none: 5, with views until each view is captured."""
     yaw_deg: Annotated[float, Field(ge=-180.0, le=360.0)] | None = None
     """Compass heading there; none: by the vehicle's `guidance.yaw_mode`."""
+    views: Annotated[list[_ViewFile], Field(min_length=1, max_length=100)] | None = None
+    """Views of the target, each a place with what is captured there; the place of a target with
+    views is `conductor`, or `x_m` and `z_m`. None: the aircraft holds at the target."""
 
-    def target(self, name: str, conductors: Mapping[str, Conductor]) -> Target:
-        look_at_m = None
-        if self.conductor is None:
-            assert self.x_m is not None
-            assert self.z_m is not None
-            position_m = (self.x_m, self.z_m)
-        else:
-            assert self.standoff_m is not None
-            assert self.side is not None
-            conductor = conductors[self.conductor]
-            look_at_m = conductor.position_m
-            distance_m = conductor.radius_m + self.standoff_m
-            towards_x, towards_z = _SIDES[self.side]
-            position_m = (
-                look_at_m[0] + towards_x * distance_m,
-                look_at_m[1] + towards_z * distance_m,
+    def places(self, name: str, conductors: Mapping[str, Conductor]) -> Iterator[Target]:
+        """The target, or each of its views; the keys are checked."""
+        inspected = None if self.conductor is None else conductors[self.conductor]
+        if self.views is None:
+            dwell_s = DEFAULT_DWELL_S if self.dwell_s is None else self.dwell_s
+            yield Target(
+                name=name,
+                position_m=_place(self, inspected),
+                dwell_s=dwell_s,
+                yaw_deg=self.yaw_deg,
+                look_at_m=None if inspected is None else inspected.position_m,
             )
-        return Target(
-            name=name,
-            position_m=position_m,
-            dwell_s=self.dwell_s,
-            yaw_deg=self.yaw_deg,
-            look_at_m=look_at_m,
-        )
+            return
+        inspected = inspected or Conductor(name=name, position_m=_point(self), radius_m=0.0)
+        for number, view in enumerate(self.views, start=1):
+            centre = inspected if view.conductor is None else conductors[view.conductor]
+            aim_m = centre.position_m if view.aim is None else view.aim.position_m
+            yield Target(
+                name=view_name(name, number),
+                position_m=_place(view, centre),
+                dwell_s=self.dwell_s or 0.0,
+                yaw_deg=self.yaw_deg,
+                look_at_m=aim_m,
+                view=View(
+                    target=name,
+                    number=number,
+                    aim_m=aim_m,
+                    pictures=view.count,
+                    video_s=view.video_s,
+                    zoom_percent=view.zoom_percent,
+                ),
+            )
+
+
+def view_name(target: str, number: int) -> str:
+    """Name of the place of a view."""
+    return f"{target}/{number}"
+
+
+def _place(keys: _TargetFile | _ViewFile, beside: Conductor | None) -> PlanePoint:
+    """The place that keys give, by coordinates or beside a conductor."""
+    if keys.x_m is not None:
+        return _point(keys)
+    assert beside is not None
+    assert keys.standoff_m is not None
+    assert keys.side is not None
+    distance_m = beside.radius_m + keys.standoff_m
+    (x_m, z_m), (towards_x, towards_z) = beside.position_m, _SIDES[keys.side]
+    return x_m + towards_x * distance_m, z_m + towards_z * distance_m
+
+
+def _point(keys: _TargetFile | _ViewFile) -> PlanePoint:
+    assert keys.x_m is not None
+    assert keys.z_m is not None
+    return keys.x_m, keys.z_m
 
 
 _SIDES = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "above": (0.0, 1.0), "below": (0.0, -1.0)}
@@ -458,7 +579,15 @@ def _findings(file: SiteFile) -> Iterator[FileFinding]:
     yield from _obstacle_findings(file.obstacles)
     conductors = [entry.conductor.name for entry in file.obstacles if entry.conductor]
     for name, target in file.targets.items():
-        yield from _target_findings(("targets", name), target, conductors)
+        key: yaml_file.Key = ("targets", name)
+        if target.views is None:
+            yield from _place_findings(key, target, conductors)
+        else:
+            yield from _viewed_findings(key, target, conductors)
+            for index, view in enumerate(target.views):
+                yield from _view_findings((*key, "views", index), view, conductors)
+                if (other := view_name(name, index + 1)) in file.targets:
+                    yield FileFinding(("targets", other), f"is the name of a view of {name}")
 
 
 def _workspace_findings(workspace: _WorkspaceFile) -> Iterator[FileFinding]:
@@ -508,25 +637,72 @@ def _obstacle_findings(obstacles: list[_ObstacleFile]) -> Iterator[FileFinding]:
                     yield FileFinding((*key, kind, "vertices_m"), problem_of_outline)
 
 
-def _target_findings(
+def _place_findings(
     key: yaml_file.Key, target: _TargetFile, conductors: list[str]
 ) -> Iterator[FileFinding]:
-    place = {name: getattr(target, name) for name in ("x_m", "z_m")}
-    relative = {name: getattr(target, name) for name in ("conductor", "standoff_m", "side")}
-    given = [name for name, value in (place | relative).items() if value is not None]
+    """Checks the place of a target without views: by coordinates, or beside a conductor."""
+    allowed = "x_m and z_m, or conductor, standoff_m and side"
+    yield from _one_form(
+        key, target, ("x_m", "z_m"), ("conductor", "standoff_m", "side"), f"must have {allowed}"
+    )
+    yield from _conductor_findings(key, target, conductors)
+
+
+def _viewed_findings(
+    key: yaml_file.Key, target: _TargetFile, conductors: list[str]
+) -> Iterator[FileFinding]:
+    """Checks the conductor or point of a target with views."""
+    for name in ("standoff_m", "side"):
+        if getattr(target, name) is not None:
+            yield FileFinding((*key, name), "is given beside views, must be a key of each view")
+    yield from _one_form(
+        key, target, ("x_m", "z_m"), ("conductor",), "must have conductor, or x_m and z_m"
+    )
+    yield from _conductor_findings(key, target, conductors)
+
+
+def _view_findings(
+    key: yaml_file.Key, view: _ViewFile, conductors: list[str]
+) -> Iterator[FileFinding]:
+    """Checks the place of a view, and that it captures something."""
+    allowed = "must have x_m and z_m, or standoff_m and side"
+    yield from _one_form(key, view, ("x_m", "z_m"), ("standoff_m", "side"), allowed)
+    if view.x_m is not None and view.conductor is not None:
+        yield FileFinding((*key, "conductor"), "is given beside x_m and z_m, use aim instead")
+    yield from _conductor_findings(key, view, conductors)
+    if view.aim is not None and view.aim.position_m == (view.x_m, view.z_m):
+        yield FileFinding((*key, "aim"), "is the view's own place, must be another point")
+    if not view.count and not view.video_s:
+        yield FileFinding((*key, "pictures"), "is 0, must be at least 1 without video_s")
+
+
+def _one_form(
+    key: yaml_file.Key,
+    keys: _TargetFile | _ViewFile,
+    place: tuple[str, ...],
+    relative: tuple[str, ...],
+    allowed: str,
+) -> Iterator[FileFinding]:
+    """Checks that all keys of one form are given, and none of the other. allowed: the forms."""
+    given = [name for name in (*place, *relative) if getattr(keys, name) is not None]
     both = any(name in place for name in given) and any(name in relative for name in given)
     if both or not given:
         problem = f"has {' and '.join(given)}, " if both else ""
-        yield FileFinding(key, f"{problem}must have x_m and z_m, or conductor, standoff_m and side")
+        yield FileFinding(key, f"{problem}{allowed}")
         return
     for name in place if given[0] in place else relative:
         if name not in given:
             yield FileFinding((*key, name), "is missing")
-    if target.conductor is not None and target.conductor not in conductors:
-        known = yaml_file.nearest(target.conductor, conductors) or (
+
+
+def _conductor_findings(
+    key: yaml_file.Key, keys: _TargetFile | _ViewFile, conductors: list[str]
+) -> Iterator[FileFinding]:
+    if keys.conductor is not None and keys.conductor not in conductors:
+        known = yaml_file.nearest(keys.conductor, conductors) or (
             f", must be one of {', '.join(conductors)}" if conductors else ", there are none"
         )
-        problem = f"is {target.conductor!r}, no conductor of this site{known}"
+        problem = f"is {keys.conductor!r}, no conductor of this site{known}"
         yield FileFinding((*key, "conductor"), problem)
 
 

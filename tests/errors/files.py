@@ -75,6 +75,20 @@ SITE: dict[str, Any] = {
     "targets": {
         "splice-1": {"x_m": 9.0, "z_m": 14.0, "dwell_s": 3.0, "yaw_deg": 180.0},
         "splice-2": {"conductor": "left", "standoff_m": 2.0, "side": "left"},
+        "splice-3": {
+            "x_m": 12.0,
+            "z_m": 14.0,
+            "views": [
+                {
+                    "conductor": "left",
+                    "standoff_m": 2.0,
+                    "side": "left",
+                    "pictures": 2,
+                    "video_s": 5.0,
+                },
+                {"x_m": 3.0, "z_m": 8.0, "aim": {"x_m": 9.0, "z_m": 8.5}, "zoom_percent": 50.0},
+            ],
+        },
     },
     "landing": {
         "exit": [{"x_m": 40.0, "z_m": 0.0}],
@@ -181,7 +195,12 @@ REQUIRED = {
         "obstacles[0].conductor.radius_m", "obstacles[1].polygon.name",
         "obstacles[1].polygon.vertices_m", "start", "start.x_m", "start.z_m",
         "targets.splice-1.x_m", "targets.splice-1.z_m", "targets.splice-2.conductor",
-        "targets.splice-2.standoff_m", "targets.splice-2.side", "landing.exit[0].x_m",
+        "targets.splice-2.standoff_m", "targets.splice-2.side",
+        "targets.splice-3.x_m", "targets.splice-3.z_m",
+        "targets.splice-3.views[0].standoff_m", "targets.splice-3.views[0].side",
+        "targets.splice-3.views[1].x_m", "targets.splice-3.views[1].z_m",
+        "targets.splice-3.views[1].aim.x_m", "targets.splice-3.views[1].aim.z_m",
+        "landing.exit[0].x_m",
         "landing.exit[0].z_m", "landing.evacuation[0].x_m", "landing.evacuation[0].z_m",
         "landing.evacuation[1].x_m", "landing.evacuation[1].z_m",
     },
@@ -203,7 +222,12 @@ REQUIRED = {
     },
 }  # fmt: skip
 EMPTY_IS_NONE = {
-    "site.yaml": {"workspace.min_altitude_m", "targets.splice-1.yaw_deg"},
+    "site.yaml": {
+        "workspace.min_altitude_m", "targets.splice-1.dwell_s", "targets.splice-1.yaw_deg",
+        "targets.splice-3.views", "targets.splice-3.views[0].conductor",
+        "targets.splice-3.views[0].pictures", "targets.splice-3.views[1].aim",
+        "targets.splice-3.views[1].zoom_percent",
+    },
     "vehicle.yaml": {
         "autopilot", "speed.max_mps", "power.cruise_w", "power.climb_w", "power.descent_w",
         "power.capacity_wh", "risk.cells", "risk.motor_pulse_us", "risk.motor_rpm", "risk.radio",
@@ -225,7 +249,9 @@ ONE_OF_TWO = {
     "site.yaml": {
         "obstacles[0].conductor", "obstacles[1].polygon", "targets.splice-1.x_m",
         "targets.splice-1.z_m", "targets.splice-2.conductor", "targets.splice-2.standoff_m",
-        "targets.splice-2.side",
+        "targets.splice-2.side", "targets.splice-3.x_m", "targets.splice-3.z_m",
+        "targets.splice-3.views[0].standoff_m", "targets.splice-3.views[0].side",
+        "targets.splice-3.views[1].x_m", "targets.splice-3.views[1].z_m",
     },
     "vehicle.yaml": set(),
     "companion.yaml": {"vehicle"},

@@ -19,6 +19,7 @@ from moar_companion.planner.site import (
     Polygon,
     Site,
     Target,
+    View,
     Workspace,
     outline_problem,
 )
@@ -184,6 +185,91 @@ def test_a_target_is_coordinates_or_beside_a_conductor(
     written: str, problem: str, tmp_path: Path
 ) -> None:
     assert refusal(changed("{x_m: 9.0, z_m: 14.0}", written), tmp_path) == problem
+
+
+VIEWED = "{conductor: left-lower, yaw_deg: 90, views: [%s]}"
+
+
+def test_views_are_places_of_their_target(tmp_path: Path) -> None:
+    views = (
+        "{standoff_m: 2, side: left, pictures: 3}, "
+        "{standoff_m: 1, side: above, video_s: 8, aim: {x_m: 9.5, z_m: 8}}, "
+        "{x_m: 4, z_m: 9, zoom_percent: 40}"
+    )
+    site = load(changed("{x_m: 9.0, z_m: 14.0}", VIEWED % views), tmp_path)
+    first, second, third = site.targets
+    assert site.target_names == ("splice-1",)
+    assert site.stops_of("splice-1") == ("splice-1/1", "splice-1/2", "splice-1/3")
+    assert first.position_m == pytest.approx((6.97, 8.0))
+    assert second.position_m == pytest.approx((9.0, 9.03))
+    assert third.position_m == (4.0, 9.0)
+    assert [place.look_at_m for place in site.targets] == [(9.0, 8.0), (9.5, 8.0), (9.0, 8.0)]
+    assert [place.dwell_s for place in site.targets] == [0.0] * 3
+    assert [place.yaw_deg for place in site.targets] == [90.0] * 3
+    view = View(target="splice-1", number=1, aim_m=(9.0, 8.0), pictures=3, video_s=0.0)
+    assert first.view == view
+    assert (second.view.pictures, second.view.video_s) == (0, 8.0)
+    assert (third.view.pictures, third.view.zoom_percent) == (1, 40.0)
+    assert second.hold_s > 8.0
+
+
+def test_views_beside_a_point_aim_at_it(tmp_path: Path) -> None:
+    views = "{standoff_m: 2, side: right}, {conductor: left-lower, standoff_m: 3, side: below}"
+    written = f"{{x_m: 12, z_m: 14, dwell_s: 30, views: [{views}]}}"
+    site = load(changed("{x_m: 9.0, z_m: 14.0}", written), tmp_path)
+    assert site.targets[0].position_m == (14.0, 14.0)
+    assert site.targets[1].position_m == pytest.approx((9.0, 4.97))
+    assert [place.look_at_m for place in site.targets] == [(12.0, 14.0), (9.0, 8.0)]
+    assert [place.hold_s for place in site.targets] == [30.0, 30.0]
+
+
+def test_a_place_is_found_by_its_own_name_and_the_first_by_its_targets(tmp_path: Path) -> None:
+    views = "{standoff_m: 2, side: left}, {standoff_m: 2, side: above}"
+    site = load(changed("{x_m: 9.0, z_m: 14.0}", VIEWED % views), tmp_path)
+    assert site.target("splice-1/2") is site.targets[1]
+    assert site.target("splice-1") is site.target(None) is site.targets[0]
+    with pytest.raises(InputError, match="no target 'splice-1/3'; the site has: splice-1/1, "):
+        site.target("splice-1/3")
+
+
+@pytest.mark.parametrize(
+    ("written", "problem"),
+    [
+        ("{views: [{x_m: 1, z_m: 2}]}", ": must have conductor, or x_m and z_m"),
+        (
+            "{conductor: left-lower, side: left, views: [{x_m: 1, z_m: 2}]}",
+            ".side: is given beside views, must be a key of each view",
+        ),
+        (VIEWED % "{}", ".views[0]: must have x_m and z_m, or standoff_m and side"),
+        (VIEWED % "{side: left}", ".views[0].standoff_m: is missing"),
+        (
+            VIEWED % "{x_m: 1, z_m: 2, conductor: left-lower}",
+            ".views[0].conductor: is given beside x_m and z_m, use aim instead",
+        ),
+        (
+            VIEWED % "{conductor: lost, standoff_m: 1, side: left}",
+            ".views[0].conductor: is 'lost', no conductor of this site, must be one of left-lower",
+        ),
+        (
+            VIEWED % "{x_m: 1, z_m: 2, aim: {x_m: 1, z_m: 2}}",
+            ".views[0].aim: is the view's own place, must be another point",
+        ),
+        (
+            VIEWED % "{x_m: 1, z_m: 2, pictures: 0}",
+            ".views[0].pictures: is 0, must be at least 1 without video_s",
+        ),
+        (VIEWED % "", ".views: has a length of 0, must be at least 1"),
+    ],
+)
+def test_wrong_views_are_refused(written: str, problem: str, tmp_path: Path) -> None:
+    text = changed("{x_m: 9.0, z_m: 14.0}", written)
+    assert refusal(text, tmp_path) == f"targets.splice-1{problem}"
+
+
+def test_no_target_has_the_name_of_a_view(tmp_path: Path) -> None:
+    views = VIEWED % "{x_m: 1, z_m: 2}"
+    text = changed("{x_m: 9.0, z_m: 14.0}", f"{views}\n  splice-1/1: {{x_m: 9.0, z_m: 14.0}}")
+    assert refusal(text, tmp_path) == "targets['splice-1/1']: is the name of a view of splice-1"
 
 
 def test_a_target_beside_a_missing_conductor_is_refused(tmp_path: Path) -> None:

@@ -387,7 +387,7 @@ class ContingencyPlanner:
             return None
         total = rest
         for stop in task.stops:
-            dwell_s = self._site.target(stop).dwell_s
+            dwell_s = self._site.target(stop).hold_s
             dwell_wh = self._power.hover_wh(dwell_s)
             dwell = replace(rest, duration_s=dwell_s, energy_wh=dwell_wh, exposed_s=0.0)
             total = total.then(dwell)

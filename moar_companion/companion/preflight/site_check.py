@@ -186,7 +186,7 @@ def _targets(planner: Planner) -> Iterator[Finding]:
             continue
         times_s = {route: route.flown_s(planner) for route in routes[target.name]}
         yield _routes(subject, times_s)
-        visits_s += target.dwell_s + sum(
+        visits_s += target.hold_s + sum(
             time_s for route, time_s in times_s.items() if route.mission.visits_targets
         )
         escape_route_s = max(

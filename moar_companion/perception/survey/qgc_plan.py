@@ -31,7 +31,7 @@ def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | No
     MAV_CMD_NAV_TAKEOFF to the start, MAV_CMD_NAV_WAYPOINT at each corner, before it
     MAV_CMD_DO_CHANGE_SPEED where the planned speed changes, MAV_CMD_NAV_LAND at the end of an exit.
     Places are in MAV_FRAME_GLOBAL, heights above mean sea level. At each target the aircraft waits
-    for the dwell.
+    as long as its dwell or its view takes.
     """
     items: list[dict[str, Any]] = []
     speeds_mps = [0.0]
@@ -45,7 +45,7 @@ def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | No
         if not items:
             add(_TAKEOFF, *corners[0].position_m, [0, 0, 0, None])
         dwell_s = (
-            site.target(str(plan.request.target)).dwell_s if plan.mission.visits_targets else 0.0
+            site.target(str(plan.request.target)).hold_s if plan.mission.visits_targets else 0.0
         )
         for before, corner in pairwise(corners):
             speed_mps = round(before.speed_to_mps(corner), 2)
