@@ -156,6 +156,17 @@ COMMANDS = {
             f"{PROGRAM} completion fish > ~/.config/fish/completions/{PROGRAM}.fish",
         ),
     ),
+    "page": Subcommand(
+        module="page",
+        summary="the page in a browser, without an aircraft: what-if, playback",
+        description="Serve the page of the aircraft for browsers, without an aircraft: of a site, "
+        "to change it and see the planner's path at once; or of a recorded flight, to play it "
+        "back. Until Ctrl-C. The page of a flight is the service's: section page of its file.",
+        examples=(
+            f"{PROGRAM} page site.yaml",
+            f"{PROGRAM} page flight.mcap --port 8080",
+        ),
+    ),
     "docs": Subcommand(
         module="docs",
         summary="write the reference page and the schemas of a checkout",

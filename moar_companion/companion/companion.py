@@ -102,6 +102,11 @@ class Companion:
         return self.state.ruling
 
     @property
+    def site_maps(self) -> SiteMaps | None:
+        """The site and maps that are flown by; None before `take_ground`."""
+        return self.state.routes.limits.site_maps
+
+    @property
     def pose(self) -> Pose | None:
         """Pose of the aircraft in the site's frame; None while unknown."""
         return self.state.pose

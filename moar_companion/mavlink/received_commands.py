@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from ..settings.config import GROUND_STATION_IDS, Commands
 from ..settings.mqtt_config import ORDER_LINK
+from ..settings.page_config import PAGE_LINK
 from ..texts import pilot_texts
 from .commands import (
     Command,
@@ -63,8 +64,8 @@ class Permissions:
         signed: True if the command's packet has a correct signature.
         """
         rules = self.rules
-        if sender.link == ORDER_LINK:
-            return None  # each of its orders is signed with a key of its own
+        if sender.link in {ORDER_LINK, PAGE_LINK}:
+            return None  # each of their orders has a key or a token of its own
         if rules.links is not None and sender.link not in rules.links:
             return pilot_texts.LINK_MAY_NOT(detail=f"{sender.link}; commands.links")
         if not self.allows_system(sender.system_id, vehicle_id=vehicle_id):

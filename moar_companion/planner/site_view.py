@@ -6,6 +6,7 @@ Input: a site, maps of it. Output: mappings; maps are bytes in base64, row by ro
 from __future__ import annotations
 
 import base64
+import math
 from dataclasses import asdict
 from typing import Any
 
@@ -62,16 +63,22 @@ def _point(point_m: PlanePoint) -> dict[str, Any]:
     return {"x_m": point_m[0], "z_m": point_m[1]}
 
 
-def maps_view(maps: Maps) -> dict[str, Any]:
-    """Maps of safety cost and speed limit: a value is its byte times `scale`; 255 is occupied."""
+def maps_view(maps: Maps, *, most_cells: int | None = None) -> dict[str, Any]:
+    """Maps of safety cost and speed limit: a value is its byte times `scale`; 255 is occupied.
+
+    most_cells: of larger maps each second cell of a row and a column is left out, or more.
+    """
     columns, rows = maps.grid.shape
+    step = 1 if most_cells is None else max(1, math.ceil(math.sqrt(columns * rows / most_cells)))
+    occupied = maps.occupied[::step, ::step]
+    columns, rows = occupied.shape
     return {
         "columns": columns,
         "rows": rows,
         "lower_m": list(maps.grid.lower_m),
-        "cell_m": maps.grid.resolution_m,
-        "safety": _bytes(maps.safety_cost, maps.occupied),
-        "speed_mps": _bytes(maps.speed_limit_mps, maps.occupied),
+        "cell_m": step * maps.grid.resolution_m,
+        "safety": _bytes(maps.safety_cost[::step, ::step], occupied),
+        "speed_mps": _bytes(maps.speed_limit_mps[::step, ::step], occupied),
     }
 
 

@@ -38,6 +38,7 @@ from ..planner.planner import Planner
 from ..planner.site import Site
 from ..settings.config import CompanionConfig
 from ..settings.mqtt_config import ORDER_LINK
+from ..settings.page_config import PAGE_LINK
 from ..settings.vehicle import VehicleFile
 from ..texts import service_texts
 from .host_monitor import HostMonitor
@@ -45,6 +46,7 @@ from .log import AutopilotLog, log_to_stderr
 from .optional_parts import (
     companion_class,
     open_mqtt,
+    open_page,
     open_parameters,
     open_perception,
     open_recorder,
@@ -61,8 +63,9 @@ from .systemd import Watchdog, notify
 
 if TYPE_CHECKING:
     from .cycle_recorder import CycleRecorder
-    from .mqtt_orders import MqttOrders
     from .mqtt_publisher import MqttPublisher
+    from .order_queue import OrderQueue
+    from .page_process import PageProcess
     from .parameter_file import ParameterFile
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
@@ -122,8 +125,9 @@ def run_service(config: CompanionConfig, *, vehicle_named: bool = False, speed: 
         if site is not None:
             make_planner = partial(Planner, site, vehicle, clock=time.perf_counter)
         perception = open_perception(config, site, speed)
+        page = open_page(config, vehicle, stack)
         service = Service(
-            config, companion, make_planner, memory, clock, perception, stored, speed=speed
+            config, companion, make_planner, memory, clock, perception, stored, page, speed=speed
         )
         asyncio.run(service.run())
     return 0
@@ -146,6 +150,7 @@ class Service:
         signing_clock: SigningClock | None = None,
         perception: PerceptionProcess | None = None,
         stored: ParameterFile | None = None,
+        page: PageProcess | None = None,
         *,
         speed: float = 1.0,
     ) -> None:
@@ -158,13 +163,16 @@ class Service:
         self._signing_clock = signing_clock
         self._perception = perception
         self._stored = stored
+        self._page = page
         self._kept = companion.parameters
         self._speed = speed
         self._watchdog = Watchdog()
         self._latest = LatestDecisions()
         self._clock_offset_s = time.time() - self._now_s()
         self._mqtt: MqttPublisher | None = None
-        self._links: Mapping[str, Link | MqttOrders] = {}
+        self._links: Mapping[str, Link | OrderQueue] = {}
+        self._orders: dict[str, OrderQueue] = {}
+        """Links of orders that arrive outside MAVLink."""
         self._arrived: list[Arrival] = []
         self._host = Host()
         self._read_late_s = 0.0
@@ -198,7 +206,7 @@ class Service:
                 stack.callback(self._perception.close)
             await open_view(self._config, self._status_now, stack)
             self._mqtt = open_mqtt(self._config, stack)
-            links: dict[str, Link | MqttOrders] = {}
+            links: dict[str, Link | OrderQueue] = {}
             for link in self._config.links:
                 address = parse_url(link.url)
                 receive = partial(self._receive, link.url)
@@ -206,8 +214,10 @@ class Service:
                 signed = "signed " if link.signed else ""
                 _logger.info("%s%s link on %s", signed, link.role.value, address)
             if self._mqtt is not None and self._mqtt.orders is not None:
-                links[ORDER_LINK] = self._mqtt.orders
-            self._links = links
+                self._orders[ORDER_LINK] = self._mqtt.orders.queue
+            if self._page is not None and self._page.orders is not None:
+                self._orders[PAGE_LINK] = self._page.orders
+            self._links = links | self._orders
             # Imported objects stay until the process ends: the collector can skip them.
             gc.freeze()
             gc.enable()
@@ -272,6 +282,8 @@ class Service:
             self._remember(now_s)
             if self._mqtt is not None:
                 self._mqtt.publish_due(now_s, self._status_now)
+            if self._page is not None:
+                self._page.exchange(self._status_now, self._companion.site_maps)
             if now_s >= host_due_s:
                 host_due_s = now_s + _HOST_PERIOD_S
                 self._autopilot_log.update(self._companion.telemetry.autopilot, now_s / self._speed)
@@ -324,9 +336,9 @@ class Service:
 
     def _take_in(self, now_s: float) -> None:
         """Passes received bytes to the companion; here, so that an error also ends the loop."""
-        if self._mqtt is not None and self._mqtt.orders is not None:
-            for packet in self._mqtt.orders.take():
-                self._receive(ORDER_LINK, packet, clock_s(), None)
+        for link, orders in self._orders.items():
+            for packet in orders.take():
+                self._receive(link, packet, clock_s(), None)
         arrived, self._arrived = self._arrived, []
         self._companion.take_in(arrived, now_s)
         for kind, answer in self._worker.answers():

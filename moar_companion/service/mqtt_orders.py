@@ -9,19 +9,15 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Sequence
 
 from ..mavlink.commands import CommandResult
 from ..mavlink.link_basics import clock_s
-from ..mavlink.order_link import OrderLink
-from ..mavlink.peers import Address
 from ..mavlink.rate_limits import RateLimit
 from .mqtt.orders import OrderChecks
 from .mqtt.payloads import OrderPayload, Reply
 from .mqtt.topics import ORDER, REPLY, Message, topic_name
+from .order_queue import OrderQueue
 
-_MOST_WAITING = 8
-"""Maximum number of orders for the next cycle: more than an operator gives in 20 ms."""
 _MOST_REPLIES = 64
 _MOST_GIVEN = 64
 """Number of the latest orders whose repeats get the same answer."""
@@ -30,21 +26,19 @@ _logger = logging.getLogger(__name__)
 
 
 class MqttOrders:
-    """The orders of one vehicle, and the link on which its control loop has them."""
+    """The orders of one vehicle. queue: the link on which its control loop has them."""
 
     def __init__(self, vehicle: str, checks: OrderChecks, component_id: int) -> None:
         self.topic = topic_name(vehicle, ORDER)
         self._reply_topic = topic_name(vehicle, REPLY)
         self._checks = checks
-        self._link = OrderLink(component_id)
+        self.queue = OrderQueue(component_id)
         self._given: dict[bytes, str] = {}
         """Nonces of the latest orders taken, by payload."""
         self._answers: dict[str, Reply] = {}
         """Their last replies, by nonce."""
-        self._waiting: deque[OrderPayload] = deque()
         self._replies: deque[Reply] = deque(maxlen=_MOST_REPLIES)
         self._unpublished: deque[Message] = deque(maxlen=_MOST_REPLIES)
-        self._packets: list[bytes] = []
         self._refusals = RateLimit(burst=10, rate_hz=1.0)
         self._reported: set[str] = set()
 
@@ -62,11 +56,9 @@ class MqttOrders:
         self._given[payload] = found.nonce
         while len(self._given) > _MOST_GIVEN:
             self._answers.pop(self._given.pop(next(iter(self._given))), None)
-        if len(self._waiting) >= _MOST_WAITING:
+        if not self.queue.give(found.nonce, found.mission, found.target):
             reason = "too many orders at once"
             self._answer(found.nonce, CommandResult.TEMPORARILY_REJECTED, reason)
-        else:
-            self._waiting.append(found)
 
     def replies(self) -> list[Message]:
         """Replies to be published; the same ones again until `published` is called."""
@@ -102,22 +94,9 @@ class MqttOrders:
 
     # The control loop
 
-    def take(self) -> list[bytes]:
-        """Packets of the orders since the last call."""
-        packets = []
-        while self._waiting:
-            order = self._waiting.popleft()
-            packets.append(self._link.packet(order.nonce, order.mission, order.target))
-        return packets
-
-    def send(self, data: bytes, _longest_wait_s: float, _peers: Sequence[Address]) -> None:
-        """Takes a packet of the companion, as a link does."""
-        self._packets.append(data)
-
     def answer(self) -> None:
         """Replies to the orders that the packets of this cycle answer."""
-        packets, self._packets = self._packets, []
-        for answer in self._link.answers(packets):
+        for answer in self.queue.answers():
             self._answer(answer.order_id, answer.result, answer.reason)
 
     def _answer(self, nonce: str, result: CommandResult, reason: str) -> None:

@@ -21,8 +21,10 @@ from .directories import recorder_folder, state_folder, view_socket
 
 if TYPE_CHECKING:
     from ..mavlink.signing import Signing
+    from ..settings.vehicle import Vehicle
     from .cycle_recorder import CycleRecorder
     from .mqtt_publisher import MqttPublisher
+    from .page_process import PageProcess
     from .parameter_file import ParameterFile
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
@@ -173,3 +175,19 @@ def open_mqtt(config: CompanionConfig, stack: contextlib.AsyncExitStack) -> Mqtt
     if publisher is not None:
         stack.callback(publisher.close)
     return publisher
+
+
+def open_page(
+    config: CompanionConfig, vehicle: Vehicle, stack: contextlib.ExitStack
+) -> PageProcess | None:
+    """Starts the process of the page until the stack ends; None where it is not enabled.
+
+    Raises the errors of PageProcess.
+    """
+    if not config.page.enabled:
+        return None
+    from .page_process import PageProcess
+
+    page = PageProcess(config, vehicle)
+    stack.callback(page.close)
+    return page

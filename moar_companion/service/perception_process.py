@@ -1,8 +1,7 @@
 """Client of the perception process: starts it, sends it notes, and takes its reports.
 
 The control loop never waits for the process: notes that the process does not take in time are
-dropped. A thread restarts a process that has ended. Without reports the supervisor holds the
-flight.
+dropped. Without reports the supervisor holds the flight.
 """
 
 from __future__ import annotations
@@ -11,9 +10,7 @@ import importlib.util
 import json
 import logging
 import socket
-import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +22,7 @@ from ..perception.pose_notes import PoseNote
 from ..planner.site import Polygon, Site
 from ..settings.input_file import open_file, unreadable
 from ..settings.perception_config import Perception, Sensor
-from .priority import put_behind
+from .child_process import ChildProcess
 from .recording.value_codec import decoded, encoded
 
 _DESCRIPTION = "perception.metadata must be the sensor's own description, a JSON file"
@@ -35,9 +32,6 @@ _WORKER = f"{__package__}.perception_worker"
 """Module of the process; the service does not need its imports."""
 MESSAGE_BYTES = 180_000
 """Longest message: the kernel's send buffer has 208 kB."""
-_AGAIN_S = 1.0
-_END_S = 2.0
-"""Longest wait for the process to end by itself."""
 
 _logger = logging.getLogger(__name__)
 
@@ -63,23 +57,23 @@ class PerceptionProcess:
     ) -> None:
         description = tried(settings, source)
         setup = Setup(settings=settings, site=site, description=description, speed=speed)
-        self._setup = json.dumps(encoded(setup)).encode()
         # The socket end of the process stays open here, too: a restart loses no notes and no
         # reports.
         self._channel, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel.setblocking(False)
         self._solids: tuple[Polygon, ...] = ()
         """Solids of the last report; a report with the same solids omits them."""
-        self._closing = threading.Event()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._thread = threading.Thread(target=self._keep_running, name="perception", daemon=True)
-        self._thread.start()
+        self._process = ChildProcess(
+            "perception",
+            _WORKER,
+            [self._other_end.fileno()],
+            json.dumps(encoded(setup)).encode(),
+        )
 
     @property
     def process_id(self) -> int | None:
         """Process id; None while no process runs."""
-        process = self._process
-        return None if process is None or process.poll() is not None else process.pid
+        return self._process.process_id
 
     def send(self, notes: list[PoseNote]) -> None:
         """Sends notes; drops them while the process is behind."""
@@ -109,38 +103,7 @@ class PerceptionProcess:
 
     def close(self) -> None:
         """Ends the process."""
-        self._closing.set()
-        self._other_end.close()
-        self._channel.close()
-        self._thread.join(_END_S)
-        process = self._process
-        if process is not None and process.poll() is None:
-            process.kill()
-            process.wait()
-
-    def _keep_running(self) -> None:
-        """Runs in the thread: restarts the process after each end."""
-        isolated = ["-I"] if sys.flags.isolated else []
-        end = self._other_end.fileno()
-        command = [sys.executable, *isolated, "-m", _WORKER, str(end)]
-        while not self._closing.is_set():
-            try:
-                process = subprocess.Popen(  # noqa: S603 - ourselves
-                    command, stdin=subprocess.PIPE, pass_fds=(end,), start_new_session=True
-                )
-            except (OSError, MemoryError, ValueError) as error:
-                _logger.warning("no process for the perception: %s", error)
-            else:
-                self._process = process
-                put_behind(process.pid)
-                try:
-                    process.communicate(self._setup)
-                except OSError as error:
-                    _logger.warning("perception: %s", error)
-                status = process.wait()
-                if not self._closing.is_set():
-                    _logger.warning("the perception has ended (status %d), restarting", status)
-            self._closing.wait(_AGAIN_S)
+        self._process.close(self._other_end, self._channel)
 
 
 def tried(settings: Perception, source: str, *, port: bool = True) -> str:

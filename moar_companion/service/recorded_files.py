@@ -25,6 +25,18 @@ def part_name(name: str, number: int) -> str:
     return name if number == 1 else f"{path.stem}-{number}{path.suffix}"
 
 
+def is_flight(folder: Path) -> bool:
+    """True for the folder of a recorded flight."""
+    return (
+        _FLIGHT.fullmatch(folder.name) is not None and folder.is_dir() and not folder.is_symlink()
+    )
+
+
+def is_recorded(path: Path) -> bool:
+    """True for a file that the recorder has named."""
+    return _FILE.fullmatch(path.name) is not None and path.is_file() and not path.is_symlink()
+
+
 def make_room(
     directory: Path, kept: Collection[Path], most_bytes: float, short_bytes: float
 ) -> None:

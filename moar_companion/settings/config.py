@@ -17,6 +17,7 @@ from pydantic import Field
 from . import yaml_file
 from .link_config import KeySource, LinkConfig, LinkRole, link_findings
 from .mqtt_config import ORDER_LINK, Mqtt, mqtt_findings
+from .page_config import PAGE_LINK, Page, page_findings
 from .perception_config import Perception, perception_findings
 from .yaml_file import FileFinding
 from .yaml_schema import FileModel, Section, under
@@ -259,6 +260,7 @@ class CompanionConfig:
     view: View = field(default_factory=View)
     signing: KeySource = field(default_factory=KeySource)
     mqtt: Mqtt = field(default_factory=Mqtt)
+    page: Page = field(default_factory=Page)
     perception: Perception = field(default_factory=Perception)
     file: Path | None = field(default=None, compare=False)
     """File that it was read from; None without a file."""
@@ -270,9 +272,10 @@ class CompanionConfig:
 
     @property
     def session_links(self) -> dict[str, LinkRole]:
-        """Links of the companion and their roles, with that of orders over MQTT."""
+        """Links of the companion and their roles, with those of orders from MQTT and the page."""
         links = {link.url: link.role for link in self.links}
-        return links | ({ORDER_LINK: LinkRole.OPERATOR} if self.mqtt.takes_orders else {})
+        taken = {ORDER_LINK: self.mqtt.takes_orders, PAGE_LINK: self.page.takes_orders}
+        return links | {name: LinkRole.OPERATOR for name, takes in taken.items() if takes}
 
     @classmethod
     def load(
@@ -306,6 +309,7 @@ def config_findings(config: CompanionConfig) -> Iterator[FileFinding]:
     """Yields the faults across the keys of a configuration."""
     yield from link_findings(config.links, config.signing)
     yield from mqtt_findings(config.mqtt)
+    yield from page_findings(config.page)
     yield from perception_findings(config.perception)
     replanning, limits = config.replanning, config.supervision
     if replanning.min_interval_s > replanning.period_s:

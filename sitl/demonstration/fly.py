@@ -38,6 +38,7 @@ from .manners import MANNERS
 from .mqtt_reader import MqttReader
 from .operator import Operator, OperatorError
 from .pace import kept_speed
+from .page import Page
 from .perceive import ADDED, GIVEN, Perceiving, Sightings, prepare
 from .processes import Process, free_ports, running
 from .real import RealError, RealOptions, numbers_of, running_real
@@ -130,7 +131,8 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
     manner = MANNERS[settings.autopilot]
     with contextlib.ExitStack() as stack:
         # A socket's path may not be long: not in the user's folder.
-        view = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "view.sock"
+        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        view = scratch / "view.sock"
         values = {
             "vehicle": _VEHICLE_FILE,
             "site": str(settings.site if perceiving is None else perceiving.given),
@@ -145,12 +147,19 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             port = free_tcp_port()
             values["mqtt"] = {"url": f"mqtt://127.0.0.1:{port}", "vehicle": _MQTT_VEHICLE}
             stack.enter_context(_mqtt(settings, port, screen))
+        page = Page(scratch, opens=not settings.headless) if settings.page else None
+        if page is not None:
+            values["page"] = page.configuration()
+            screen.print_text(f"page {page.url}")
         config.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
+        log = settings.out / "companion.log"
         weather = _weather(settings, screen)
         seen = Sightings()
 
         def meanwhile() -> None:
             screen.refresh()
+            if page is not None:
+                page.open_when_served(log)
             if weather is not None:
                 weather.play(operator)
             for line in seen.lines(operator.texts):
@@ -161,7 +170,6 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
         stack.callback(operator.close)
         speed = str(settings.speed)
         autopilot = _autopilot(settings, site, perceiving, companion_port, operator_port)
-        log = settings.out / "companion.log"
         companion = running(
             "companion",
             log,
@@ -325,6 +333,8 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
     )
     print_text(f"picture {picture}")
     print_text(f"recording {settings.out / 'flight.tlog'}, {settings.out / 'flight.mcap'}")
+    if settings.page:
+        print_text(f"play it back: moar-companion page {settings.out / 'flight.mcap'}")
     for fault in faults:
         print_text(f"FAULT: {fault}")
     if not settings.headless and not faults:

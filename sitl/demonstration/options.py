@@ -56,6 +56,11 @@ def parser() -> argparse.ArgumentParser:
         help="publish to an MQTT broker, which is started too, and read it with paho",
     )
     made.add_argument(
+        "--page",
+        action="store_true",
+        help="serve the aircraft's page, and open it in the browser",
+    )
+    made.add_argument(
         "--perceive",
         action="store_true",
         help="tell the service rough targets alone: a simulated lidar sees what is there",

@@ -40,6 +40,7 @@ class Settings:
     landing: str | None
     """`exit`, `evacuation:1` (a mission, and the index of its landing point), or `all`."""
     mqtt: bool
+    page: bool
     real: Path | None
     """PX4's build folder or ArduCopter's program; None: the fake."""
     perceive: bool
@@ -100,6 +101,7 @@ def read_settings(arguments: list[str] | None) -> Settings:
         headless=read.headless,
         autopilot=autopilot,
         mqtt=read.mqtt,
+        page=read.page,
         real=real,
         speed=read.speed,
         site=(read.site or shipped_configs() / "sites" / _SITE).resolve(),

@@ -312,8 +312,8 @@ def test_a_doubled_order_gets_the_same_answer_and_is_given_once(waiting):
     payload = signed_order(order(mission="hold"), "a1", KEY)
     waiting.receive(payload, retained=False)
     waiting.receive(payload, retained=False)
-    assert (len(waiting.take()), replies(waiting)) == (1, [])
-    waiting.send(acknowledgement(USER_1, ACCEPTED), 0.0, ())
+    assert (len(waiting.queue.take()), replies(waiting)) == (1, [])
+    waiting.queue.send(acknowledgement(USER_1, ACCEPTED), 0.0, ())
     waiting.answer()
     (first,) = replies(waiting)
     assert (first["result"], first["final"]) == ("ACCEPTED", True)
@@ -322,14 +322,14 @@ def test_a_doubled_order_gets_the_same_answer_and_is_given_once(waiting):
         waiting.receive(payload, retained=retained)
         assert replies(waiting) == [first]
         waiting.published()
-    assert waiting.take() == []
+    assert waiting.queue.take() == []
 
 
 def test_a_doubled_order_that_is_not_decided_is_answered_by_its_decision(waiting):
     payload = signed_order(order(), "a1", KEY)
     waiting.receive(payload, retained=False)
-    waiting.take()
-    waiting.send(acknowledgement(USER_1, IN_PROGRESS), 0.0, ())
+    waiting.queue.take()
+    waiting.queue.send(acknowledgement(USER_1, IN_PROGRESS), 0.0, ())
     waiting.answer()
     waiting.receive(payload, retained=False)
     assert {reply["result"] for reply in replies(waiting)} == {"IN_PROGRESS"}
@@ -341,7 +341,7 @@ def test_another_order_with_a_nonce_given_before_is_refused(waiting):
     assert [(reply["result"], reply["reason"]) for reply in replies(waiting)] == [
         ("DENIED", "given before")
     ]
-    assert len(waiting.take()) == 1
+    assert len(waiting.queue.take()) == 1
 
 
 def test_more_orders_than_a_cycle_takes_are_rejected_for_now(waiting):
@@ -349,7 +349,7 @@ def test_more_orders_than_a_cycle_takes_are_rejected_for_now(waiting):
         given = order(f"{number:016d}", mission="hold")
         waiting.receive(signed_order(given, "a1", KEY), retained=False)
     reported = replies(waiting)
-    assert len(waiting.take()) == 8
+    assert len(waiting.queue.take()) == 8
     assert [reply["nonce"] for reply in reported] == [f"{number:016d}" for number in range(8, 20)]
     assert {(reply["result"], reply["final"]) for reply in reported} == {
         ("TEMPORARILY_REJECTED", True)
@@ -376,7 +376,7 @@ def test_a_flood_of_wrong_orders_is_neither_answered_nor_logged_for_long(waiting
     wrong = signed_order(order(), "a1", OTHER_KEY)
     for _ in range(1000):
         waiting.receive(wrong, retained=False)
-    assert waiting.take() == []
+    assert waiting.queue.take() == []
     assert len(replies(waiting)) == 10
     assert caplog.messages == ["MQTT: an order was refused: wrong signature"]
 

@@ -240,12 +240,12 @@ def test_an_answer_of_the_last_cycle_is_published(port, reader, tmp_path):
         wait_until(lambda: orders._waiting)
         desk = Desk(mqtt=Mqtt(url="mqtt://a", vehicle="a1", commands=MqttCommands(accept=True)))
         desk.run(1.0)
-        for packet in orders.take():
+        for packet in orders.queue.take():
             desk.handle(packet, ORDER_LINK)
         desk.companion.shut_down(desk.now_s)
         for link, data in desk.companion.data_to_send():
             if link == ORDER_LINK:
-                orders.send(data, 0.0, ())
+                orders.queue.send(data, 0.0, ())
     wait_until(lambda: reader.of("online") and not reader.of("online")[-1]["online"])
     assert [(reply["result"], reply["reason"]) for reply in reader.of("reply")] == [
         ("FAILED", "MOAR: the service ends, failed")

@@ -1,0 +1,135 @@
+"""`moar-companion page`: the page without an aircraft, of a site or of a recorded flight."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import signal
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from ..settings.input_file import open_file, unreadable
+from ..settings.page_config import DEFAULT_HOST, DEFAULT_PORT
+from .options import add_file, file_name, number, refused
+from .outputs import print_text, report_compiling
+
+if TYPE_CHECKING:
+    from ..analysis.what_if import WhatIf
+    from ..planner.site import Margin
+    from ..service.page.page_server import PageContent
+    from ..settings.vehicle import Vehicle
+
+_SITE_ENDINGS = {".yaml", ".yml"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the file, the vehicle and the address."""
+    parser.add_argument(
+        "file",
+        metavar="SITE|RECORDING",
+        type=file_name("SITE|RECORDING"),
+        help="a site file (.yaml), or a recording (.mcap, .tlog, .tlog.gz)",
+    )
+    add_file(parser, "--vehicle", "the vehicle (default: the LineDrone as flown)")
+    parser.add_argument(
+        "--host",
+        metavar="ADDRESS",
+        type=_host,
+        default=DEFAULT_HOST,
+        help=f"address of this computer (default: {DEFAULT_HOST}: only browsers on it)",
+    )
+    parser.add_argument(
+        "--port",
+        metavar="N",
+        type=_port,
+        default=DEFAULT_PORT,
+        help=f"its TCP port (default: {DEFAULT_PORT})",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serves the page until Ctrl-C, which is status 0."""
+    from ..service.page.page_server import serve  # noqa: PLC0415
+    from ..service.page_process import listen  # noqa: PLC0415
+    from ..settings.config import default_vehicle  # noqa: PLC0415
+    from ..settings.vehicle import Vehicle  # noqa: PLC0415
+
+    # Any of both ends it without a traceback.
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, signal.default_int_handler)
+    report_compiling()
+    vehicle = Vehicle.load(arguments.vehicle or default_vehicle())
+    content = _content(arguments.file, vehicle)
+    listener = listen(arguments.host, arguments.port)
+    host, port = listener.getsockname()[:2]
+    shown = f"[{host}]" if ":" in host else host
+    print_text(f"page on http://{shown}:{port}/ (Ctrl-C ends it)\n")
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(serve(content, listener))
+    return 0
+
+
+def about_vehicle(vehicle: Vehicle) -> dict[str, object]:
+    """The vehicle as the page shows it."""
+    return {
+        "name": vehicle.name,
+        "radius_m": vehicle.radius_m,
+        "d_min_m": vehicle.safety.d_min_m,
+        "d_max_m": vehicle.safety.d_max_m,
+    }
+
+
+def what_if_of(site_file: str, vehicle: Vehicle, margin: Margin) -> WhatIf:
+    """What-if on a site file. Raises InputError for a file that cannot be used."""
+    from ..analysis.what_if import WhatIf  # noqa: PLC0415
+
+    try:
+        with open_file(site_file) as file:
+            text = file.read().decode()
+    except (OSError, ValueError) as error:
+        raise InputError(site_file, "", unreadable(error)) from error
+    return WhatIf(
+        text=text, source=site_file, vehicle=vehicle, margin=margin, clock=time.perf_counter
+    )
+
+
+def _content(file: str, vehicle: Vehicle) -> PageContent:
+    if Path(file).suffix.lower() not in _SITE_ENDINGS:
+        raise refused("SITE|RECORDING", file, "must end in .yaml")
+    from ..companion.error_margin import margin_of  # noqa: PLC0415
+    from ..planner.maps import build_maps  # noqa: PLC0415
+    from ..planner.site import Site  # noqa: PLC0415
+    from ..planner.site_view import maps_view, site_view  # noqa: PLC0415
+    from ..service.page.page_server import PageContent  # noqa: PLC0415
+    from ..settings.config import Supervision  # noqa: PLC0415
+
+    margin = margin_of(vehicle, Supervision())
+    what_if = what_if_of(file, vehicle, margin)
+    site = Site.load(file).flown_with(margin)
+    view = {"revision": 1, "site": site_view(site), "maps": maps_view(build_maps(site, vehicle))}
+    return PageContent(
+        about={"kind": "site", "recording": None, "vehicle": about_vehicle(vehicle)},
+        site=lambda: view,
+        make_what_if=lambda: what_if,
+    )
+
+
+def _host(text: str) -> str:
+    import ipaddress  # noqa: PLC0415
+
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        allowed = "must be an address of this computer, as 127.0.0.1, 0.0.0.0 or ::"
+        raise refused("--host", text, allowed) from None
+    return text
+
+
+def _port(text: str) -> int:
+    value = number(text)
+    if value is None or not value.is_integer() or not 1 <= value <= 65_535:
+        raise refused("--port", text, "must be a port, 1 to 65535")
+    return int(value)
