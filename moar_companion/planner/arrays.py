@@ -52,6 +52,36 @@ class StateMemory(NamedTuple):
     position: IntArray
 
 
+class Criterion(NamedTuple):
+    """One of two costs that are traded off.
+
+    step:   (cells, M)  of the arrival in a state, without the change of velocity
+    to_go:  (cells, M)  exact least cost from a state to the end; infinite where no path leads on
+    behind: (cells,)    of the end in a goal's cell
+    change: for each m/s of a change of velocity
+    """
+
+    step: FloatArray
+    to_go: FloatArray
+    behind: FloatArray
+    change: float
+
+
+class Labels(NamedTuple):
+    """Paths of a bi-objective search, (room,) each, uninitialised: sums, and bounds of the whole.
+
+    heap: (room,) labels, in its order
+    """
+
+    first_sum: FloatArray
+    second_sum: FloatArray
+    first_bound: FloatArray
+    second_bound: FloatArray
+    state: IntArray
+    parent: IntArray
+    heap: IntArray
+
+
 class Field(NamedTuple):
     """Data of the plane (`continuous`); samples are `spacing_m` apart, or closer.
 
@@ -123,6 +153,17 @@ STEP_COST = fields(StepCost, F8, F8, F8, F8)
 HEAP = (written(F8), written(I8), written(I8))
 CELL_MEMORY = fields(CellMemory, written(F8, 2), written(U4), written(I8), *HEAP)
 STATE_MEMORY = fields(StateMemory, written(F8), written(U1), written(I8), *HEAP)
+CRITERION = fields(Criterion, read(F8, 2), read(F8, 2), read(F8), F8)
+LABELS = fields(
+    Labels,
+    written(F8),
+    written(F8),
+    written(F8),
+    written(F8),
+    written(I8),
+    written(I8),
+    written(I8),
+)
 FIELD = fields(Field, read(F8, 3), read(U1, 2), read(F8), F8, F8, F8, F8)
 LIMITS = fields(Limits, read(F8, 2), read(I8), read(F8), F8)
 LEG_COST = fields(LegCost, F8, F8, F8)

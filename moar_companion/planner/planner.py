@@ -19,7 +19,7 @@ from .adaptation import Adaptation, Calibration
 from .calibration import calibrated
 from .cost_to_go_tables import TableBuilder, shares
 from .graph import Graph, build_graph
-from .grid import STOP, BoolArray, IntArray
+from .grid import STOP, BoolArray, FloatArray, IntArray
 from .maps import Maps, build_maps, with_exposed
 from .plan_values import Compute, Cost, Plan, PlanRequest, PlanStatus
 from .plane_fence import PlaneFence
@@ -83,12 +83,33 @@ _Key = tuple[Mission, str | int | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Goal:
+class MissionGoal:
     """End of a mission: for the search, and for the landing leg (None for an inspection)."""
 
     goal: Goal
     cells: frozenset[int]
     region: GoalRegion | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """A request in the graph's terms. start: flat cell; velocity_mps: (3,)."""
+
+    request: PlanRequest
+    start: int
+    velocity_mps: FloatArray
+    goal: MissionGoal
+
+    @property
+    def is_at_goal(self) -> bool:
+        """True if the start is a cell of the goal."""
+        return self.start in self.goal.cells
+
+    @property
+    def stop_headings(self) -> IntArray:
+        """The path that begins in the goal: at most a stop is left."""
+        stops = self.goal.goal.ends_at_rest and bool(self.velocity_mps.any())
+        return np.full(int(stops), STOP)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -232,7 +253,7 @@ class Planner:
     def _take(self, maps: Maps, graph: Graph, began_s: float | None) -> None:
         self.maps, self.graph = maps, graph
         self._map_ms = self._passed_ms(began_s)
-        self._goals: dict[_Key, _Goal] = {}
+        self._goals: dict[_Key, MissionGoal] = {}
         self._tables: dict[_Key, _Prepared] = {}
         self._calibrations: dict[tuple[_Key, Weights, int], Calibration | None] = {}
         self._refiner: Refiner | None = None
@@ -316,6 +337,14 @@ class Planner:
 
     def solve(self, request: PlanRequest) -> Plan:
         """The answer to a request; errors as of `plan`."""
+        problem = self.problem(request)
+        return problem if isinstance(problem, Plan) else self._search(problem)
+
+    def problem(self, request: PlanRequest) -> Problem | Plan:
+        """A request in the graph's terms; a plan without a path where start or goal exclude one.
+
+        Errors as of `plan`.
+        """
         target = None
         if request.mission.visits_targets:
             target = self.site.target(request.target)
@@ -327,11 +356,16 @@ class Planner:
             return self._none(request, PlanStatus.OUT_OF_BOUNDS, "the start", request.start_m)
         if occupied[start_cell]:
             return self._none(request, PlanStatus.START_OCCUPIED, "the start", request.start_m)
-        if target is not None and not self._goal((request.mission, target.name)).cells:
+        goal = self._goal((request.mission, request.target))
+        if target is not None and not goal.cells:
             outside = grid.cell_of(target.position_m) is None
             status = PlanStatus.OUT_OF_BOUNDS if outside else PlanStatus.TARGET_OCCUPIED
             return self._none(request, status, f"target {target.name}", target.position_m)
-        return self._search(request, start_cell)
+        velocity = np.zeros(3)
+        velocity[: len(start_cell)] = request.velocity_mps
+        return Problem(
+            request=request, start=grid.flat(start_cell), velocity_mps=velocity, goal=goal
+        )
 
     def refine(self, plan: Plan) -> Refinement:
         """A plan's path at any angle, of no greater J as a continuous path.
@@ -350,26 +384,19 @@ class Planner:
         refinement = self._refiner.refine(plan, region)
         return replace(refinement, compute_ms=self._passed_ms(began_s))
 
-    def _search(self, request: PlanRequest, start_cell: tuple[int, ...]) -> Plan:
+    def _search(self, problem: Problem) -> Plan:
         began_s = self._clock_s()
-        key = (request.mission, request.target)
-        goal = self._goal(key)
-        start = self.graph.grid.flat(start_cell)
-        velocity = np.zeros(3)
-        velocity[: len(start_cell)] = request.velocity_mps
+        request, goal = problem.request, problem.goal.goal
+        start, velocity = problem.start, problem.velocity_mps
         headings: IntArray | None
-        if start in goal.cells:
-            # Already at the goal: at most a stop is left.
-            stops = goal.goal.ends_at_rest and any(request.velocity_mps)
-            headings, expanded = np.full(int(stops), STOP), 0
+        if problem.is_at_goal:
+            headings, expanded = problem.stop_headings, 0
         else:
-            prepared = self._tables.get(key)
+            prepared = self._tables.get((request.mission, request.target))
             headings, expanded = (
-                self._solver.cold(goal.goal, start, velocity, request.weights)
+                self._solver.cold(goal, start, velocity, request.weights)
                 if prepared is None
-                else self._solver.between(
-                    goal.goal, prepared.table, start, velocity, request.weights
-                )
+                else self._solver.between(goal, prepared.table, start, velocity, request.weights)
             )
         if headings is None:
             return self._none(request, PlanStatus.UNREACHABLE, "the goal", None)
@@ -416,14 +443,14 @@ class Planner:
             states=np.empty((0, len(self.graph.grid.shape) + 1), dtype=np.int64),
         )
 
-    def _goal(self, key: _Key) -> _Goal:
+    def _goal(self, key: _Key) -> MissionGoal:
         """The goal of a mission and target, computed once."""
         goals = self._goals
         if key not in goals:
             goals[key] = self._make_goal(*key)
         return goals[key]
 
-    def _make_goal(self, mission: Mission, target: str | int | None) -> _Goal:
+    def _make_goal(self, mission: Mission, target: str | int | None) -> MissionGoal:
         grid = self.graph.grid
         region = None
         if mission.visits_targets:
@@ -434,7 +461,7 @@ class Planner:
             cells = [tuple(cell) for cell in region.corners]
         flat = [grid.flat(cell) for cell in cells]
         leg_m = [0.0] * len(cells) if region is None else [*region.length_m.values()]
-        return _Goal(
+        return MissionGoal(
             goal=Goal(
                 cells=np.array(flat, dtype=np.int64),
                 leg_m=np.array(leg_m),

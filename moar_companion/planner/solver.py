@@ -182,6 +182,17 @@ class Solver:
         return found
 
 
+def arrival_costs(graph: Graph, weights: Weights) -> tuple[FloatArray, float]:
+    """J of the arrival in each state, (cells, M), but for the energy cost; that for each m/s.
+
+    Meaningless where a move does not lead to a state.
+    """
+    length_m, speed = graph.length_m[1:], graph.speed[:, 1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = weights.safety * graph.safety[:, None] * length_m + weights.time * length_m / speed
+    return step, 0.5 * weights.energy / graph.v_max_mps
+
+
 def walked(
     graph: Graph, start: int, velocity: FloatArray, headings: IntArray, weights: Weights
 ) -> tuple[IntArray, Cost]:
