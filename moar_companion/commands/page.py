@@ -8,7 +8,7 @@ import contextlib
 import signal
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..settings.input_file import open_file, unreadable
@@ -18,22 +18,24 @@ from .outputs import print_text, report_compiling
 
 if TYPE_CHECKING:
     from ..analysis.what_if import WhatIf
-    from ..planner.site import Margin
-    from ..service.page.page_server import PageContent
+    from ..planner.site import Margin, Site
+    from ..service.page.page_server import PageContent, Playback
     from ..settings.vehicle import Vehicle
 
 _SITE_ENDINGS = {".yaml", ".yml"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the file, the vehicle and the address."""
+    """Adds the file, what it lacks, and the address."""
     parser.add_argument(
         "file",
         metavar="SITE|RECORDING",
         type=file_name("SITE|RECORDING"),
-        help="a site file (.yaml), or a recording (.mcap, .tlog, .tlog.gz)",
+        help="a site file (.yaml), or a recording (.mcap; as `replay` has them also .tlog, .bin, "
+        ".ulg)",
     )
-    add_file(parser, "--vehicle", "the vehicle (default: the LineDrone as flown)")
+    add_file(parser, "--vehicle", "the vehicle, but of an .mcap (default: the LineDrone as flown)")
+    add_file(parser, "--site", "of a recording that is no .mcap: the site that was flown")
     parser.add_argument(
         "--host",
         metavar="ADDRESS",
@@ -62,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
         signal.signal(name, signal.default_int_handler)
     report_compiling()
     vehicle = Vehicle.load(arguments.vehicle or default_vehicle())
-    content = _content(arguments.file, vehicle)
+    content = _content(arguments, vehicle)
     listener = listen(arguments.host, arguments.port)
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
@@ -96,25 +98,81 @@ def what_if_of(site_file: str, vehicle: Vehicle, margin: Margin) -> WhatIf:
     )
 
 
-def _content(file: str, vehicle: Vehicle) -> PageContent:
-    if Path(file).suffix.lower() not in _SITE_ENDINGS:
-        raise refused("SITE|RECORDING", file, "must end in .yaml")
+def _content(arguments: argparse.Namespace, vehicle: Vehicle) -> PageContent:
+    """What the page of a file serves."""
+    from .replay import begins_with  # noqa: PLC0415
+    from .replay_mcap import MAGIC  # noqa: PLC0415
+
+    file = arguments.file
+    is_mcap = begins_with(file, MAGIC)
+    if Path(file).suffix.lower() in _SITE_ENDINGS:
+        if arguments.site is None:
+            return _site_content(file, vehicle)
+        raise refused("--site", arguments.site, "must be left out: the page is of a site")
+    if is_mcap:
+        for name in ("site", "vehicle"):
+            if getattr(arguments, name) is not None:
+                allowed = "must be left out: an .mcap has its own"
+                raise refused(f"--{name}", getattr(arguments, name), allowed)
+        return _mcap_content(Path(file))
+    return _replay_content(Path(file), vehicle, arguments.site)
+
+
+def _site_content(file: str, vehicle: Vehicle) -> PageContent:
     from ..companion.error_margin import margin_of  # noqa: PLC0415
-    from ..planner.maps import build_maps  # noqa: PLC0415
     from ..planner.site import Site  # noqa: PLC0415
-    from ..planner.site_view import maps_view, site_view  # noqa: PLC0415
     from ..service.page.page_server import PageContent  # noqa: PLC0415
     from ..settings.config import Supervision  # noqa: PLC0415
 
     margin = margin_of(vehicle, Supervision())
     what_if = what_if_of(file, vehicle, margin)
-    site = Site.load(file).flown_with(margin)
-    view = {"revision": 1, "site": site_view(site), "maps": maps_view(build_maps(site, vehicle))}
+    view = _view(Site.load(file).flown_with(margin), vehicle)
     return PageContent(
         about={"kind": "site", "recording": None, "vehicle": about_vehicle(vehicle)},
         site=lambda: view,
         make_what_if=lambda: what_if,
     )
+
+
+def _mcap_content(file: Path) -> PageContent:
+    from .playback import McapPlayback  # noqa: PLC0415
+
+    playback = McapPlayback(file)
+    return _recording_content(file, playback, playback.vehicle)
+
+
+def _replay_content(file: Path, vehicle: Vehicle, site_file: str | None) -> PageContent:
+    from .playback import ReplayPlayback  # noqa: PLC0415
+    from .replay import played, site_position_of  # noqa: PLC0415
+
+    position = view = None
+    if site_file is not None:
+        position = site_position_of(site_file, vehicle)
+        view = _view(position.site, vehicle)
+    replay = played(str(file), vehicle, position)
+    return _recording_content(file, ReplayPlayback(replay, view), vehicle)
+
+
+def _recording_content(file: Path, playback: Playback, vehicle: Vehicle | None) -> PageContent:
+    from ..service.page.page_recordings import PageRecordings  # noqa: PLC0415
+    from ..service.page.page_server import PageContent  # noqa: PLC0415
+
+    about = {"kind": "recording", "recording": file.name}
+    return PageContent(
+        about={**about, "vehicle": None if vehicle is None else about_vehicle(vehicle)},
+        site=playback.site,
+        recordings=PageRecordings(file=file),
+        open_playback=lambda _: playback,
+    )
+
+
+def _view(site: Site, vehicle: Vehicle) -> dict[str, Any]:
+    """Site and maps, as `GET /api/site` has them."""
+    from ..planner.maps import build_maps  # noqa: PLC0415
+    from ..planner.site_view import maps_view, site_view  # noqa: PLC0415
+
+    maps = maps_view(build_maps(site, vehicle))
+    return {"revision": 1, "site": site_view(site), "maps": maps}
 
 
 def _host(text: str) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 
 from ..service.page.page_channel import ServiceChannel
 from ..service.page.page_recordings import PageRecordings
-from ..service.page.page_server import PageContent, WhatIf, serve
+from ..service.page.page_server import PageContent, Playback, WhatIf, serve
 
 _logger = logging.getLogger(__name__)
 
@@ -33,6 +33,7 @@ def content_of(setup: Mapping[str, Any], channel: ServiceChannel) -> PageContent
         order=channel.order,
         token=setup["token"],
         recordings=PageRecordings(None if recordings is None else Path(recordings)),
+        open_playback=_playback,
         make_what_if=None if site is None else lambda: _what_if(setup),
         allowed_hosts=frozenset(setup["allowed_hosts"]),
         tile_url=setup["tile_url"],
@@ -48,6 +49,12 @@ def _what_if(setup: Mapping[str, Any]) -> WhatIf:
     position_m, tracking_m = setup["margin_m"]
     margin = Margin(position_m=position_m, tracking_m=tracking_m)
     return what_if_of(setup["site"], Vehicle.load(setup["vehicle"]), margin)
+
+
+def _playback(path: Path) -> Playback:
+    from .playback import McapPlayback  # noqa: PLC0415
+
+    return McapPlayback(path)
 
 
 async def _run(setup: Mapping[str, Any], listener: socket.socket, channel: socket.socket) -> None:

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.plot is not None:
         require("--plot", "matplotlib", "plots")
     vehicle = Vehicle.load(vehicle_file)
-    site_position = None if arguments.site is None else _site_position(arguments.site, vehicle)
+    site_position = None if arguments.site is None else site_position_of(arguments.site, vehicle)
     drag = _drag_flight() if arguments.fit_drag else None
     replay = played(arguments.recording, vehicle, site_position, drag)
 
@@ -112,7 +112,7 @@ def _run_exactly(arguments: argparse.Namespace) -> int:
             raise refused(f"--{name}", given, "must be left out with --exact")
     if arguments.fit_drag:
         raise refused("--fit-drag", "", "must be left out with --exact")
-    if not _begins_with(arguments.recording, MAGIC):
+    if not begins_with(arguments.recording, MAGIC):
         raise InputError(arguments.recording, "", "is no .mcap, as --exact needs")
     key = None if arguments.signing_key is None else signing_key_in(Path(arguments.signing_key))
     return replay_exactly(arguments.recording, key)
@@ -157,7 +157,8 @@ def _place_lines(replay: Replay) -> list[str]:
     return lines
 
 
-def _site_position(site_file: str, vehicle: Vehicle) -> SitePosition:
+def site_position_of(site_file: str, vehicle: Vehicle) -> SitePosition:
+    """Positions on a site file, as it is flown. Raises InputError."""
     from ..analysis.replay.site_position import SitePosition  # noqa: PLC0415
     from ..companion.error_margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
@@ -206,7 +207,7 @@ def played(
 
     name = printable(os.fsencode(Path(path).name).decode(errors="replace"))
     flight = Flight(vehicle, site_position, drag)
-    if _begins_with(path, MAGIC):
+    if begins_with(path, MAGIC):
         return mcap_played(path, flight).finish(name)
     data, whole = _content(path)
     if data.startswith(ULOG):
@@ -216,7 +217,7 @@ def played(
     return tlog_played(path, data, flight, whole=whole).finish(name)
 
 
-def _begins_with(path: str, magic: bytes) -> bool:
+def begins_with(path: str, magic: bytes) -> bool:
     """True if a readable file begins with these bytes; later code reports an unreadable one."""
     with contextlib.suppress(OSError, ValueError), open_file(path) as file:
         return file.read(len(magic)) == magic

@@ -35,6 +35,15 @@ _MOST_SHOWN = 10
 """Maximum number of printed differences; the counts include all."""
 
 
+def parts_of(first: Path) -> Iterator[Path]:
+    """Yields the parts of a recording, of which `first` is named."""
+    number = 2
+    yield first
+    while (following := first.with_name(part_name(first.name, number))).exists():
+        yield following
+        number += 1
+
+
 class McapRecording:
     """A recording in one .mcap or several parts. path: the first of them."""
 
@@ -47,7 +56,7 @@ class McapRecording:
     def cycles(self) -> Iterator[tuple[float, list[list[Any]]]]:
         """Yields wall clock and calls of each cycle; raises InputError for an unsound file."""
         found = False
-        for path in self._parts():
+        for path in parts_of(Path(self.path)):
             try:
                 with open_file(path) as file:
                     for cycle in self._cycles_of(StreamReader(file)):
@@ -57,13 +66,6 @@ class McapRecording:
                 raise InputError(str(path), "", unreadable(error)) from error
         if not found:
             raise InputError(self.path, "", f"has no {CALLS}, must be this program's recording")
-
-    def _parts(self) -> Iterator[Path]:
-        first, number = Path(self.path), 2
-        yield first
-        while (following := first.with_name(part_name(first.name, number))).exists():
-            yield following
-            number += 1
 
     def _cycles_of(self, reader: StreamReader) -> Iterator[tuple[float, list[list[Any]]]]:
         channels: set[int] = set()

@@ -15,6 +15,7 @@ from ...mavlink.telemetry import Telemetry
 from ...planner.adaptation import Adaptation
 from ...planner.plan_values import PlanRequest
 from ...planner.planner import Planner
+from ...planner.site import Site
 from ...settings.config import Supervision
 from ...types import Mission, RiskIndices
 from .replay_report import ReplayPlace
@@ -44,6 +45,11 @@ class SitePosition:
         self._has_escape_route = bool(planner.site.landing_m.get(Mission.EVACUATION))
         if self._has_escape_route:
             planner.prepare(mission=Mission.EVACUATION)
+
+    @property
+    def site(self) -> Site:
+        """The site as it was flown."""
+        return self._planner.site
 
     def at(self, telemetry: Telemetry, risk: RiskIndices, now_s: float) -> ReplayPlace | None:
         """Place of the aircraft; None if its position is unknown, or far from the site.

@@ -52,9 +52,13 @@ def merge_patch(before: State, after: State) -> State:
 
 
 class LiveState:
-    """State of one aircraft, with the flown path, from statuses in order of time."""
+    """State of one aircraft, with the flown path, from statuses in order of time.
 
-    def __init__(self) -> None:
+    slow_period_s: of the sections whose ages change in each status.
+    """
+
+    def __init__(self, *, slow_period_s: float = _SLOW_PERIOD_S) -> None:
+        self._slow_period_s = slow_period_s
         self.state: State = {}
         self.flown: deque[list[float]] = deque(maxlen=_MOST_FLOWN)
         """Places of the aircraft: x, y, z in metres, at least 0.1 m apart."""
@@ -72,7 +76,7 @@ class LiveState:
         if now_s < self._slow_due_s:
             shown |= {name: self.state[name] for name in _SLOW if name in self.state}
         else:
-            self._slow_due_s = now_s + _SLOW_PERIOD_S
+            self._slow_due_s = now_s + self._slow_period_s
         self._received_s = now_s
         self._note_place(shown)
         return self._become(shown)
@@ -98,14 +102,16 @@ class LiveState:
         return bool(self.changes)
 
     def _path_before(self, status: State) -> State | None:
-        """The path before the present one, of the same flight; None until it has changed."""
+        """The path before the present one, to the same place; None until it has changed."""
         plan, last = status.get("plan"), self.state.get("plan")
         if plan is None:
             return None
-        before: State | None = self.state.get("before")
-        if last is not None and plan["paths"] != last["paths"]:
-            before = {"path": last["path"], "mission": last["mission"], "target": last["target"]}
-        return before
+        if last is None or any(plan[name] != last[name] for name in ("mission", "target")):
+            return None
+        if plan["paths"] == last["paths"]:
+            before: State | None = self.state.get("before")
+            return before
+        return {"path": last["path"]}
 
     def _note_place(self, status: State) -> None:
         place = (status.get("aircraft") or {}).get("position_m")
