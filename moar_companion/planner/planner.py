@@ -6,7 +6,8 @@ final weights. Output: a `Plan`, which is the optimum of J on the paper's graph 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -209,13 +210,21 @@ class Planner:
         self._solver.graph = self.graph
 
     def set_vehicle(self, vehicle: Vehicle, site: Site) -> None:
-        """Sets another vehicle on the same site, with its margin: builds the maps, drops goals.
-
-        After an error the planner is as before.
-        """
+        """Sets another vehicle on the same site, with its margin: builds the maps, drops goals."""
         uncertainty_m, fence = self.maps.position_uncertainty_m, self.maps.fence
         self._build(site, vehicle, uncertainty_m, fence, before=None)
         self._solver.graph = self.graph
+
+    @contextlib.contextmanager
+    def all_or_nothing(self) -> Iterator[None]:
+        """Context of several changes: after an error the planner is as before all of them."""
+        before = dict(vars(self))
+        try:
+            yield
+        except BaseException:
+            vars(self).update(before)
+            self._solver.graph = self.graph
+            raise
 
     def set_exposed(self, exposed: BoolArray) -> None:
         """Raises the cost of cells (nx, nz) from which a failsafe would hit an obstacle.

@@ -10,12 +10,19 @@ import pytest
 
 from moar_companion.companion.planning.map_jobs import MapJob, SettingsJob, answer_map_job
 from moar_companion.companion.planning.planner_set import PlannerSet
+from moar_companion.mavlink.autopilots.failsafe_actions import (
+    AutopilotAction,
+    FailsafeAction,
+    Failsafes,
+    Trigger,
+)
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Conductor, Margin, Polygon, Site
 from moar_companion.settings.config import shipped_configs
 from moar_companion.settings.vehicle import Vehicle
 
 MARGIN = Margin(position_m=0.5, tracking_m=0.5)
+LANDS = FailsafeAction(trigger=Trigger.GCS_LOSS, action=AutopilotAction.LAND, setting="")
 
 
 @pytest.fixture
@@ -103,20 +110,47 @@ def test_a_target_is_not_moved_into_a_region_that_is_cut_off(planners):
     assert moved.position_m == (x_m, z_m) or abs(moved.position_m[0] - x_m) > 3.0
 
 
-@pytest.mark.parametrize("fails", ["build_maps", "build_graph"])
+@pytest.mark.parametrize(
+    "fails",
+    [
+        "planner.planner.build_maps",
+        "planner.planner.build_graph",
+        "companion.planning.map_jobs._moved",
+        "planner.planner.with_exposed",
+    ],
+)
 def test_settings_whose_maps_cannot_be_made_leave_the_planner_as_it_was(
     planners, fails, monkeypatch
 ):
     made = planners.exact
+    planners.expose(Failsafes(actions=(LANDS,)))
     before = (made.site, made.vehicle, made.maps, made.graph)
+    plan = made.plan(mission="exit").to_json()
     vehicle = replace(made.vehicle, radius_m=1.0)
     settings = SettingsJob(job_id=1, site=made.site.with_more_obstacles(()), vehicle=vehicle)
 
     def failing(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr(f"moar_companion.planner.planner.{fails}", failing)
+    monkeypatch.setattr(f"moar_companion.{fails}", failing)
     with pytest.raises(MemoryError):
         answer_map_job(planners, settings)
+    monkeypatch.undo()
     now = (made.site, made.vehicle, made.maps, made.graph)
     assert all(one is other for one, other in zip(now, before, strict=True))
+    assert made.plan(mission="exit").to_json() == plan
+
+
+def test_failsafes_whose_cells_cannot_be_marked_are_marked_by_the_next_job(planners, monkeypatch):
+    failsafes, target = Failsafes(actions=(LANDS,)), "planner.planner.with_exposed"
+
+    def failing(*_):
+        raise MemoryError
+
+    before = planners.exact.maps
+    monkeypatch.setattr(f"moar_companion.{target}", failing)
+    with pytest.raises(MemoryError):
+        planners.expose(failsafes)
+    monkeypatch.undo()
+    planners.expose(failsafes)
+    assert planners.exact.maps is not before

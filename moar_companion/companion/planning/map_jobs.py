@@ -48,14 +48,15 @@ class MapAnswer:
 
 
 def answer_map_job(planners: PlannerSet, job: MapJob) -> MapAnswer:
-    """Makes the maps; from now on the planners use them."""
+    """Makes the maps; from now on the planners use them. After an error they are as before."""
     site = job.site
-    planners.set_site(site, job.vehicle if isinstance(job, SettingsJob) else None)
-    maps = planners.exact.maps
-    targets = tuple(_moved(target, maps, job.slack_m) for target in site.targets)
-    if targets != site.targets:
-        site = replace(site, targets=targets)
-        planners.set_site(site)
+    with planners.exact.all_or_nothing():
+        planners.set_site(site, job.vehicle if isinstance(job, SettingsJob) else None)
+        maps = planners.exact.maps
+        targets = tuple(_moved(target, maps, job.slack_m) for target in site.targets)
+        if targets != site.targets:
+            site = replace(site, targets=targets)
+            planners.set_site(site)
     return MapAnswer(job_id=job.job_id, site_maps=SiteMaps(site=site, maps=planners.exact.maps))
 
 

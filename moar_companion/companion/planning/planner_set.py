@@ -38,12 +38,9 @@ class PlannerSet:
         """Sets the failsafes of the autopilot; a change of these changes the maps."""
         if failsafes == self._failsafes:
             return
+        _mark(self.exact, failsafes)
         self._failsafes = failsafes
         self._others.clear()
-        self._mark(self.exact)
-
-    def _mark(self, planner: Planner) -> None:
-        planner.set_exposed(exposed_cells(planner.maps, self._failsafes))
 
     def set_site(self, site: Site, vehicle: Vehicle | None = None) -> None:
         """Sets the same site with other obstacles, targets or margin, in all planners.
@@ -56,7 +53,7 @@ class PlannerSet:
             self.exact.set_vehicle(vehicle, site)
         self._others.clear()
         if self._failsafes.actions:
-            self._mark(self.exact)
+            _mark(self.exact, self._failsafes)
 
     def widened_by(self, width_m: float, fence: PlaneFence | None = None) -> Planner:
         """Returns the planner whose occupied distance is wider by `width_m`, cached while in use.
@@ -78,9 +75,13 @@ class PlannerSet:
                 clock=self.exact.clock,
             )
             if self._failsafes.actions:
-                self._mark(planner)
+                _mark(planner, self._failsafes)
         self._others[width_m, fence] = planner
         return planner
+
+
+def _mark(planner: Planner, failsafes: Failsafes) -> None:
+    planner.set_exposed(exposed_cells(planner.maps, failsafes))
 
 
 def exposed_cells(maps: Maps, failsafes: Failsafes) -> BoolArray:
