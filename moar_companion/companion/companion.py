@@ -78,8 +78,8 @@ class Companion:
 
     @property
     def parameters(self) -> FlightParameters | None:
-        """Present values of the parameters; None: there are none."""
-        return self.state.session.parameters
+        """Values of the parameters that are in force; None: there are none."""
+        return self.state.parameters.in_force
 
     @property
     def setpoint_rate_hz(self) -> float:

@@ -187,9 +187,7 @@ def check_inputs(state: CycleState, now_s: float) -> CheckInputs:
             autopilot_fence=state.routes.limits.fence_objection(flight, pose),
             offboard_loss_collision=state.routes.limits.offboard_loss.objection,
             path_barred=state.routes.barred,
-            no_clearance=state.faults.causes.no_clearance
-            or state.routes.inflation.no_room
-            or (None if state.refused is None else "no room here with these settings"),
+            no_clearance=state.faults.causes.no_clearance or state.routes.inflation.no_room,
         ),
     )
 

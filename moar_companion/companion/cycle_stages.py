@@ -7,7 +7,6 @@ made by pure functions and step machines of the packages beside this module.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
 
 from ..mavlink.autopilots import profile
 from ..mavlink.commands import CommandCancelled, DeniedCommand
@@ -19,6 +18,7 @@ from ..mavlink.telemetry_receiver import ModeLeft
 from ..risk.receivers import trouble
 from ..settings.config import Authority
 from ..texts import service_texts
+from . import settings_change
 from .cycle_inputs import (
     ON_THE_WAY,
     check_inputs,
@@ -31,11 +31,8 @@ from .cycle_inputs import (
     tracking_error_m,
 )
 from .cycle_state import CycleState
-from .error_margin import margin_of
 from .estimation.landed_state import grounded
 from .estimation.pose import Jump
-from .flight_settings import at_once, need_maps, settings_of
-from .guidance.flight_volume import FlightVolume
 from .guidance.splice import Adoption
 from .mission import state_machine
 from .mission.values import (
@@ -59,7 +56,6 @@ from .planning.site_maps import SiteMaps
 from .published_state import publish, system_status
 from .safety.condition_types import Action
 from .safety.position_checks import widening_m
-from .seen_obstacles import NewMaps
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
@@ -103,7 +99,7 @@ def take_ground(state: CycleState, site_maps: SiteMaps) -> None:
     state.seen_obstacles.take_site(site_maps.site)
     state.routes.limits.take_ground(site_maps)
     state.risk_monitor.take_site(site_maps.site)
-    _want_maps(state)
+    settings_change.settle(state)
     flies = state.config.authority is not Authority.OBSERVE
     if flies and not state.status_changed and before is not None:
         state.status = state_machine.restarted(before.rest(site_maps.site))
@@ -124,11 +120,9 @@ def _observe(state: CycleState, now_s: float, step_s: float) -> None:
     )
     if followed is not None:
         state.seen_obstacles.shift(followed)
-    if not _stops_first(state) and not _refuses(state):
-        maps = state.seen_obstacles.taken(now_s)
-        if maps is not None:
-            _take_maps(state, maps, now_s)
+    settings_change.take_maps(state, now_s)
     state.seen_obstacles.update(now_s, on_ground=grounded(state.telemetry))
+    settings_change.note_request(state)
     jumps = tuple(each for each in (jump, followed) if each is not None)
     for event in (*jumps, *state.session.events_received()):
         _take_event(state, event, now_s)
@@ -150,7 +144,7 @@ def _take_event(state: CycleState, event: Event | Jump, now_s: float) -> None:
         case ModeLeft(mode=mode):
             state.faults.note_mode_left(mode)
         case ParameterSet():
-            _take_parameter(state, event, now_s)
+            settings_change.take_parameter(state, event, now_s)
         case AutopilotRestarted():
             state.faults.note_restart()
         case _:
@@ -163,100 +157,6 @@ def _shift(state: CycleState, jump: Jump, now_s: float) -> None:
     if state.routes.flight is not None:
         state.routes.flight.shift(jump)
         state.reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
-
-
-def _take_parameter(state: CycleState, event: ParameterSet, now_s: float) -> None:
-    """Takes the settings with a parameter that was set; requests maps where these need others."""
-    parameters = state.session.parameters
-    assert parameters is not None
-    state.reports.record(
-        "parameter",
-        now_s,
-        name=event.name,
-        value=event.value,
-        before=event.before,
-        sender=event.sender.system_id,
-    )
-    config, state.wanted = settings_of(parameters, state.config)
-    state.take_settings(config, at_once(state.wanted, state.vehicle), state.margin)
-    state.refused = None
-    _want_maps(state)
-    state.paths_changed = True
-
-
-def _want_maps(state: CycleState) -> None:
-    """Requests maps where the settings need others than the present ones, and are not refused."""
-    margin = margin_of(state.wanted, state.config.supervision)
-    other = margin != state.margin or need_maps(state.wanted, state.vehicle)
-    wanted = state.wanted if other and state.refused is None else None
-    state.seen_obstacles.want(wanted, margin)
-
-
-def _stops_first(state: CycleState) -> bool:
-    """True while the flight brakes before maps for other settings, which bar its place, count."""
-    maps, flight = state.seen_obstacles.for_settings, state.routes.flight
-    volume = None if maps is None else _volume_on(state, maps)
-    if flight is None or volume is None or flight.stopped:
-        return False
-    if not flight.braked and not flight.is_barred_on(volume):
-        return False
-    flight.brake()
-    return True
-
-
-def _refuses(state: CycleState) -> bool:
-    """True if maps for other settings would end the flight at its place: the last ones stay.
-
-    The flight holds there until a parameter is set again. Where an order leads it away, it is flown
-    with the last settings until it rests at a place that is free on such maps.
-    """
-    flight = state.routes.flight
-    rests = flight is None or flight.stopped
-    if state.refused is not None and rests and _leaves_room(state, state.refused):
-        state.refused = None
-        _want_maps(state)
-    maps = state.seen_obstacles.for_settings
-    if maps is None or _leaves_room(state, maps):
-        return False
-    state.refused = maps
-    state.seen_obstacles.refuse(state.vehicle, state.margin)
-    return True
-
-
-def _leaves_room(state: CycleState, maps: NewMaps) -> bool:
-    """True if the flight's place is permitted on the maps, or they are for the settings in force.
-
-    For these the maps differ by obstacles only.
-    """
-    flight, volume = state.routes.flight, _volume_on(state, maps)
-    if flight is None or volume is None:
-        return True
-    others = need_maps(volume.vehicle, state.vehicle) or volume.site.margin != state.margin
-    return not others or flight.may_rest_on(volume, state.config.supervision.plane_tolerance_m)
-
-
-def _volume_on(state: CycleState, maps: NewMaps) -> FlightVolume | None:
-    """The flight volume on maps for other settings; None for other maps, or while unknown."""
-    volume = state.routes.limits.volume
-    if volume is None or maps.vehicle is None:
-        return None
-    site_maps = maps.site_maps
-    return replace(volume, site=site_maps.site, maps=site_maps.maps, vehicle=maps.vehicle)
-
-
-def _take_maps(state: CycleState, maps: NewMaps, now_s: float) -> None:
-    """Takes maps of the site with other obstacles, or for other settings: these are in force."""
-    if maps.vehicle is not None:
-        margin = maps.site_maps.site.margin
-        vehicle = at_once(state.wanted, maps.vehicle)
-        state.take_settings(state.config, vehicle, margin)
-        parameters = state.session.parameters
-        changed = {} if parameters is None else dict(parameters.changed)
-        if state.refused is None:
-            state.reports.record("settings", now_s, changed=changed)
-        _want_maps(state)
-    state.routes.learn_maps(maps.site_maps, now_s, for_settings=maps.vehicle is not None)
-    state.paths_changed = True
 
 
 def _look_ahead(state: CycleState, now_s: float) -> None:

@@ -24,6 +24,7 @@ from ..types import Mission, Weights
 from .error_margin import margin_of
 from .estimation.pose import Pose
 from .estimation.pose_tracker import PoseTracker
+from .flight_settings import FlightSettings
 from .mission.values import MissionStatus
 from .mission_snapshot import MissionSnapshot
 from .mission_states import MissionState
@@ -37,7 +38,7 @@ from .safety.check_inputs import Host, Unmeasured
 from .safety.condition_types import Action
 from .safety.supervisor import Ruling
 from .safety_monitor import SafetyMonitor
-from .seen_obstacles import NewMaps, SeenObstacles
+from .seen_obstacles import SeenObstacles
 from .setpoint_streamer import SetpointRefusal, SetpointStreamer
 from .wind_recovery import WindRecovery
 
@@ -77,6 +78,10 @@ class Faults:
         else:
             self.causes = replace(self.causes, setpoint_held=refused.reason)
 
+    def note_settings_refused(self, parameter: str) -> None:
+        """Notes that a parameter was set back, since the flight has no room with it."""
+        self.causes = replace(self.causes, settings_refused=f"no room at {parameter}")
+
     def forget(self) -> None:
         """Clears the faults after a check."""
         self.causes = Unmeasured()
@@ -103,11 +108,9 @@ class CycleState:
         """With the settings in force."""
         self.vehicle = vehicle
         """With the settings in force."""
-        self.wanted = vehicle
-        """The vehicle with all settings; other maps are requested where it is another one."""
         self.margin = margin_of(vehicle, config.supervision)
-        self.refused: NewMaps | None = None
-        """Maps for changed settings that leave no room at the flight's place: not in force."""
+        self.parameters = FlightSettings(parameters)
+        """Values of the parameters: in force, and set."""
         self.session = Session(
             links=config.session_links,
             system_id=config.system_id,

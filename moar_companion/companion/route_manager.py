@@ -68,6 +68,9 @@ class RouteManager:
         """Obstacle inflation of plans."""
         self._left: PathFollower | None = None
         """The last flight, if it ended on a landing leg."""
+        self.settings_wait = False
+        """True while the planner has, or makes, maps for settings that are not in force: plans for
+        these settings would be made on them, so requests wait."""
 
     def take_settings(self, vehicle: Vehicle, config: CompanionConfig, margin: Margin) -> None:
         """Takes the settings in force: the next plan is made with them."""
@@ -123,7 +126,7 @@ class RouteManager:
 
     def plan_jobs(self) -> list[PlanJob]:
         """Planning jobs since the last call. Only the newest one's answer is awaited."""
-        return self._plans.jobs()
+        return [] if self.settings_wait else self._plans.jobs()
 
     def plan_answered(self, answer: PlanAnswer) -> None:
         """Keeps the answer to the awaited job for `taken`; drops any other."""
@@ -134,6 +137,8 @@ class RouteManager:
 
         A plan that the present maps bar was made before these: it is requested again.
         """
+        if self.settings_wait:
+            self._plans.delay(now_s)
         taken = self._plans.taken(now_s)
         if taken is None:
             return None
@@ -266,7 +271,7 @@ class RouteManager:
             flight.avoid(seen=self.limits.obstacles_seen)
         if now_s - self._resumed_s >= _STANDS_FOR_S and self.resume_leg():
             self._resumed_s = now_s
-        if awaited is not None:
+        if awaited is not None or self.settings_wait:
             return
         error_m = flight.error_m(pose)
         if flight.on_leg or error_m <= self._vehicle.guidance.off_path_m:

@@ -47,9 +47,12 @@ _MOST_NOTES = 200
 
 
 class NewMaps(NamedTuple):
-    """Maps of an answer. vehicle: with the settings that they were made for; None: as before."""
+    """Maps of an answer; None: the planner has failed.
 
-    site_maps: SiteMaps
+    vehicle: with the settings that they were made for; None: those of the maps before.
+    """
+
+    site_maps: SiteMaps | None
     vehicle: Vehicle | None
 
 
@@ -73,8 +76,10 @@ class SeenObstacles:
         self._job_id = 0
         self._asked_s: float | None = None
         """Time of the pending job; None without one."""
+        self._taken_s: float | None = None
+        """Time of the last answer that was taken."""
         self._newer_s: float | None = None
-        """Time of the first report that came while the job was pending."""
+        """Time of the first report that the pending job lacks an obstacle of."""
         self._unmapped_s: float | None = None
         """Time since which the maps lack an obstacle; None if they have all."""
         self._wanted: Vehicle | None = None
@@ -192,10 +197,14 @@ class SeenObstacles:
     @property
     def for_settings(self) -> NewMaps | None:
         """Maps for changed settings that `taken` returns next; None: no such maps."""
-        made = None if self._answer is None else self._answer.site_maps
-        if made is None or self._rebuilt is None:
+        if self._answer is None or self._answer.site_maps is None or self._rebuilt is None:
             return None
-        return NewMaps(made, self._rebuilt.vehicle)
+        return NewMaps(self._answer.site_maps, self._rebuilt.vehicle)
+
+    @property
+    def settings_asked(self) -> bool:
+        """True from the request of maps for changed settings until they are taken or refused."""
+        return self._rebuilt is not None
 
     def refuse(self, vehicle: Vehicle, margin: Margin) -> None:
         """Drops the maps `for_settings`; requests those of the settings in force before any other.
@@ -211,17 +220,13 @@ class SeenObstacles:
         answer, self._answer = self._answer, None
         if answer is None:
             return None
-        self._asked_s = None
+        self._asked_s, self._taken_s = None, now_s
         rebuilt, self._rebuilt = self._rebuilt, None
         if answer.site_maps is None:
             self._seen = None
-            if rebuilt is not None:
-                text = pilot_texts.NO_NEW_MAPS()
-                self._reports.send_text(Severity.WARNING, text, now_s, action="flying on")
-            return None
-        if rebuilt is None:
-            self._unmapped_s = None
-        elif self._site is not None:
+            return NewMaps(None, None if rebuilt is None else rebuilt.vehicle)
+        self._unmapped_s = None
+        if rebuilt is not None and self._site is not None:
             self._site = self._site.flown_with(rebuilt.site.margin)
         for severity, text in self._texts:
             self._reports.send_text(severity, text, now_s, action="avoided")
@@ -231,35 +236,30 @@ class SeenObstacles:
     def update(self, now_s: float, *, on_ground: bool) -> None:
         """Requests maps when settings or obstacles differ from those of the last request.
 
-        Both take turns, where both wait.
+        Both take turns, where both wait; plans have the cycle in which maps were taken.
         """
         waits = self._report_first and self._newer_s is not None
-        idle = self._asked_s is None and not waits
+        idle = self._asked_s is None and not waits and now_s != self._taken_s
         if self._wanted is not None and self._site is not None and idle:
             self._ask_for_settings(self._wanted, self._site.flown_with(self._wanted_margin), now_s)
             return
         report, before = self.report, self._mapped_report
         if report is None or self._site is None or report is before:
             return
+        kept, current = self._obstacles_of(report, on_ground=on_ground)
+        seen = (*kept, *current)
         if self._asked_s is not None:
-            self._newer_s = now_s if self._newer_s is None else self._newer_s
+            missing_s = now_s if self._newer_s is None else self._newer_s
+            self._newer_s = None if seen == self._seen else missing_s
             return
         newer_s, self._newer_s, self._report_first = self._newer_s, None, False
         self._mapped_report = report
         if before is not None and report.began_s != before.began_s:
-            self._before, self._current = (*self._before, *self._current), ()
             self._reported_m.clear()
-        if on_ground:
-            self._before = ()
+        self._before, self._current = kept, current
         if report.health.scan_s is None:
-            # The process has no scan yet: earlier obstacles stay.
             return
-        current = (
-            *(item for each in report.conductors for item in self._placed(each)),
-            *(replace(solid, keep_out_m=self.settings.keep_out_m) for solid in report.solids),
-        )
-        self._current = tuple(item for item in current if not self._is_kept(item))
-        seen = (*self._before, *self._current)
+        self._note_places(report)
         if seen == self._seen:
             self._texts.clear()  # of a kept obstacle, which was reported then
             return
@@ -299,29 +299,48 @@ class SeenObstacles:
         )
         self._jobs.append(self._rebuilt)
 
-    def _placed(self, seen: SeenConductor) -> tuple[Obstacle, ...]:
-        """Obstacle of a seen conductor; it keeps its place on the maps until it has moved."""
-        assert self._site is not None
-        mapped = next(
-            (
-                item
-                for item in self._current
-                if item.name == seen.name and isinstance(item, Conductor)
-            ),
-            None,
+    def _obstacles_of(
+        self, report: PerceptionReport, *, on_ground: bool
+    ) -> tuple[tuple[Obstacle, ...], tuple[Obstacle, ...]]:
+        """Obstacles of ended processes, and those of a report."""
+        mapped = self._mapped_report
+        kept, current = self._before, self._current
+        if mapped is not None and report.began_s != mapped.began_s:
+            kept, current = (*kept, *current), ()
+        if on_ground:
+            kept = ()
+        if report.health.scan_s is None:
+            # The process has no scan yet: earlier obstacles stay.
+            return kept, current
+        new = (
+            *(item for each in report.conductors for item in self._placed(each, current)),
+            *(replace(solid, keep_out_m=self.settings.keep_out_m) for solid in report.solids),
         )
+        return kept, tuple(item for item in new if not _is_kept(item, kept))
+
+    def _known(self, seen: SeenConductor) -> tuple[Conductor | None, float]:
+        """Conductor of the site file for which a seen one counts, and its distance from there."""
+        assert self._site is not None
         known = min(
             self._site.conductors,
             key=lambda item: math.dist(item.position_m, seen.position_m),
             default=None,
         )
         off_m = math.inf if known is None else math.dist(known.position_m, seen.position_m)
-        if known is None or off_m > self.settings.gate_m:
+        return (known, off_m) if off_m <= self.settings.gate_m else (None, math.inf)
+
+    def _placed(self, seen: SeenConductor, current: tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
+        """Obstacle of a seen conductor; it keeps its place on the maps until it has moved."""
+        assert self._site is not None
+        mapped = next(
+            (item for item in current if item.name == seen.name and isinstance(item, Conductor)),
+            None,
+        )
+        known, off_m = self._known(seen)
+        if known is None:
             keep_out_m = self.settings.keep_out_m
-            self._note_unknown(seen)
         else:
             keep_out_m = known.keep_out_m - self._site.margin.total_m
-            self._note_moved(known.name, seen.name, off_m)
             if off_m < (_APART_M if mapped is None else _SAME_PLACE_M):
                 return ()
         if mapped is not None:
@@ -339,17 +358,14 @@ class SeenObstacles:
             ),
         )
 
-    def _is_kept(self, item: Obstacle) -> bool:
-        """True if an obstacle of an ended process is at the same place, as wide or wider."""
-        return any(
-            kept.keep_out_m >= item.keep_out_m
-            and (
-                math.dist(kept.position_m, item.position_m) < _SAME_PLACE_M
-                if isinstance(kept, Conductor) and isinstance(item, Conductor)
-                else kept == replace(item, name=kept.name)
-            )
-            for kept in self._before
-        )
+    def _note_places(self, report: PerceptionReport) -> None:
+        """Notes texts about conductors that are in no site file, or moved."""
+        for seen in report.conductors:
+            known, off_m = self._known(seen)
+            if known is None:
+                self._note_unknown(seen)
+            else:
+                self._note_moved(known.name, seen.name, off_m)
 
     def _note_unknown(self, seen: SeenConductor) -> None:
         if ("", seen.name) in self._reported_m:
@@ -369,3 +385,16 @@ class SeenObstacles:
         self._reported_m[name, seen] = off_m
         text = pilot_texts.CONDUCTOR_MOVED(m=distance(off_m), conductor=name)
         self._texts.append((Severity.WARNING, text))
+
+
+def _is_kept(item: Obstacle, before: tuple[Obstacle, ...]) -> bool:
+    """True if an obstacle of an ended process is at the same place, as wide or wider."""
+    return any(
+        kept.keep_out_m >= item.keep_out_m
+        and (
+            math.dist(kept.position_m, item.position_m) < _SAME_PLACE_M
+            if isinstance(kept, Conductor) and isinstance(item, Conductor)
+            else kept == replace(item, name=kept.name)
+        )
+        for kept in before
+    )

@@ -15,7 +15,7 @@ import functools
 import math
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
@@ -372,6 +372,23 @@ class FlightParameters:
             model.sort(key=lambda finding: finding.key != parameter.keys)
             raise ParameterError(_problem(parameter, given, model[0]))
         return made
+
+    def with_values_of(
+        self, names: Iterable[str], other: FlightParameters
+    ) -> FlightParameters | None:
+        """These with some parameters as in `other`; None where they are not valid together."""
+        taken = frozenset(names)
+        changed = {name: item for name, item in self.changed.items() if name not in taken}
+        changed |= {name: item for name, item in other.changed.items() if name in taken}
+        given = tuple(name for name in self.given if name not in taken or name in other.given)
+        made = replace(self, changed=changed, given=tuple(dict.fromkeys((*given, *other.given))))
+        models = (_vehicle_model(made), _service_model(made))
+        return None if any(isinstance(model, list) for model in models) else made
+
+    def differing(self, other: FlightParameters) -> tuple[str, ...]:
+        """Names of the parameters with another value in `other`."""
+        names = dict.fromkeys((*self.changed, *other.changed))
+        return tuple(name for name in names if self.value(name) != other.value(name))
 
     def with_stored(self, values: Mapping[str, float]) -> tuple[FlightParameters, list[str]]:
         """These with values that an earlier process has stored, and a text for each that fails.

@@ -23,9 +23,10 @@ PARAMETER_REFUSED = PilotText(
     remedy="set another value; [parameters](#parameters-of-the-companion)",
 )
 NO_NEW_MAPS = PilotText(
-    pattern="no maps for the new settings",
-    actions=("flying on",),
-    meaning="the planner has failed; distances and speeds stay as they were",
+    pattern="no maps at {parameter}",
+    actions=("set back",),
+    meaning="the planner has failed; the last settings with maps stay in force, and the parameter, "
+    "with those that were set with it, has its value there again",
     remedy="set the parameter again",
 )
 

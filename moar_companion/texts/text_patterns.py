@@ -42,6 +42,7 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "result": ("denied", "temporarily rejected"),
     "time": ("26 d", "99999 d"),
     "fraction": ("0.92", "1.00"),
+    "parameter": ("SAFE_RADIUS 8", "GUID_LAND_HEIGHT 0.0125"),
     "value": ("7", "-3.4e+38"),
     "index": ("7", "65535"),
     "number": ("2", "65535"),

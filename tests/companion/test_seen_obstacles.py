@@ -423,8 +423,7 @@ def test_a_seen_conductor_that_is_gone_permits_no_setpoint_nearer_to_the_file_co
 def wanted(desk, radius_m):
     """Requests maps for another radius."""
     state = desk.companion.state
-    state.wanted = replace(state.vehicle, radius_m=radius_m)
-    state.seen_obstacles.want(state.wanted, state.margin)
+    state.seen_obstacles.want(replace(state.vehicle, radius_m=radius_m), state.margin)
 
 
 def test_an_obstacle_seen_while_maps_for_settings_are_made_counts_as_missing(desk):
@@ -437,7 +436,18 @@ def test_an_obstacle_seen_while_maps_for_settings_are_made_counts_as_missing(des
     assert any("obstacle unmapped for" in text for text in desk.texts())
 
 
-def test_maps_for_settings_do_not_count_as_those_of_an_obstacle_that_they_lack(desk):
+def test_slow_maps_for_settings_hold_nothing_where_the_sensor_sees_nothing_new(desk):
+    desk.conductors = (conductor(*TWO_M[0]),)
+    desk.run(1.0)
+    desk.map_delay_s = 4.0
+    wanted(desk, 0.4)
+    desk.run(SETTINGS.timeout_s + 2.0)
+    assert desk.companion.state.seen_obstacles.settings_asked
+    assert desk.companion.state.seen_obstacles.unmapped_s(desk.now_s) is None
+    assert desk.state == "flying"
+
+
+def test_an_obstacle_that_maps_for_settings_lack_counts_as_missing_until_maps_have_it(desk):
     desk.map_delay_s = 0.95
     wanted(desk, 0.4)
     desk.run(0.1)

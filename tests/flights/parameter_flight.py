@@ -38,7 +38,15 @@ class ParameterFlight(Lockstep):
         self.parameters, _ = of_files.with_stored(stored or {})
         config, flown = self.parameters.apply(CompanionConfig(vehicle=shipped_configs()))
         options.setdefault("supervision", config.supervision)
+        self.kept = []
+        """Parameters that a service would have stored, in order."""
         super().__init__(vehicle=flown, manner=manner, **options)
+
+    def step(self) -> None:
+        super().step()
+        parameters = self.companion.parameters
+        if not self.kept or self.kept[-1] is not parameters:
+            self.kept.append(parameters)
 
     def new_companion(self, before: MissionSnapshot | None = None) -> RecordedCompanion:
         return RecordedCompanion(

@@ -425,6 +425,7 @@ STORIES = [
             "autopilot_reboot",
             "setpoint_rejected",
             "setpoint_held",
+            "settings_refused",
             "no_clearance",
             "path_barred",
             "offboard_loss_unknown",

@@ -35,6 +35,30 @@ def under_way(mission, seconds):
     return flight
 
 
+def shown(flight, name):
+    """Values of a parameter that ground stations were sent."""
+    values = [item for item in flight.sent("PARAM_VALUE") if item.param_id == name]
+    return [pytest.approx(item.param_value) for item in values]
+
+
+def jobs_since(flight, kind):
+    """Plan jobs after the last map job of a kind."""
+    jobs = [
+        job
+        for call in flight.calls
+        if call.method in {"map_jobs", "plan_jobs"}
+        for job in call.result
+    ]
+    last = max(index for index, job in enumerate(jobs) if isinstance(job, kind))
+    return jobs[last + 1 :]
+
+
+def fail_maps(flight):
+    """The planner fails at the last map job that it was given."""
+    *_, job = (job for call in flight.calls if call.method == "map_jobs" for job in call.result)
+    flight.companion.maps_answered(MapAnswer(job_id=job.job_id, site_maps=None))
+
+
 def speed_mps(flight):
     message = flight.setpoints[-1].message
     return math.hypot(message.vx, message.vy, message.vz)
@@ -142,11 +166,17 @@ def test_a_size_for_which_there_is_no_room_holds_with_the_settings_before(radius
     assert flight.companion.state.vehicle.radius_m == before_m
     assert flight.planner.vehicle.radius_m == before_m
     assert flight.noted("settings") == []
-    assert "no room here with these settings" in [item["reason"] for item in flight.noted("text")]
+    assert shown(flight, "SAFE_RADIUS") == [radius_m, pytest.approx(before_m)]
+    assert not any(parameters.changed for parameters in flight.kept), "nothing is stored"
+    texts = [item["text"] for item in flight.noted("text")]
+    assert texts[-1] == f"MOAR: no room at SAFE_RADIUS {radius_m:g}, holding"
     flight.set(SAFE_RADIUS=0.5)
-    flight.run(2.5)
-    assert flight.state == "flying"
+    flight.run(1.0)
     assert flight.companion.state.vehicle.radius_m == 0.5
+    assert flight.state == "holding", "until an order"
+    flight.operator.go_on()
+    flight.run(1.5)
+    assert flight.state == "flying"
 
 
 @pytest.mark.slow
@@ -171,7 +201,7 @@ def test_a_size_without_room_withdraws_an_offered_flight_as_any_reason_to_hold_d
     flight.run(3.0)
     assert flight.state == "idle"
     texts = [item["text"] for item in flight.noted("text")]
-    assert "MOAR: no room here with these settings, idle" in texts
+    assert "MOAR: no room at SAFE_RADIUS 100, idle" in texts
 
 
 def test_a_planner_that_fails_leaves_the_settings_of_the_maps():
@@ -179,13 +209,108 @@ def test_a_planner_that_fails_leaves_the_settings_of_the_maps():
     flight.planning = False
     flight.set(SAFE_D_MAX=5.0)
     flight.run(0.2)
-    job = next(job for call in flight.calls if call.method == "map_jobs" for job in call.result)
-    flight.companion.maps_answered(MapAnswer(job_id=job.job_id, site_maps=None))
+    fail_maps(flight)
     flight.planning = True
     flight.run(1.0)
     assert flight.companion.state.vehicle.safety.d_max_m == 3.0
-    assert any("no maps" in item["reason"] for item in flight.noted("text"))
+    assert "MOAR: no maps at SAFE_D_MAX 5, set back" in [
+        item["text"] for item in flight.noted("text")
+    ]
+    assert shown(flight, "SAFE_D_MAX") == [5.0, 3.0]
+    assert not any(parameters.changed for parameters in flight.kept), "nothing is stored"
     assert flight.state == "flying"
+
+
+def test_a_refused_size_takes_nothing_back_that_counted_at_once_meanwhile():
+    flight = flying(seconds=3.0)
+    flight.plan_delay_s = 1.0
+    flight.set(LIM_WIND=8.0, SAFE_RADIUS=8.0)
+    flight.run(0.5)
+    flight.set(LIM_BATTERY=0.3)
+    flight.run(4.0)
+    assert flight.companion.state.vehicle.radius_m == flight.vehicle.radius_m
+    assert flight.companion.state.config.supervision.battery_reserve == 0.3
+    assert flight.companion.parameters.changed == {"LIM_WIND": 8.0, "LIM_BATTERY": 0.3}
+    assert flight.companion.state.session.parameters.changed == flight.companion.parameters.changed
+
+
+def test_values_valid_beside_a_new_distance_alone_wait_for_its_maps():
+    flight = flying()
+    flight.set(SAFE_POS_MARGIN=0.6, LIM_UNCERTAINTY=0.6)
+    flight.run(1.0)
+    before = dict(flight.companion.parameters.changed)
+    flight.planning = False
+    flight.set(SAFE_POS_MARGIN=0.4, LIM_UNCERTAINTY=0.5)
+    flight.run(0.3)
+    assert flight.companion.state.config.supervision.position_uncertainty_limit_m == 0.6
+    fail_maps(flight)
+    flight.run(0.3)
+    assert flight.companion.state.session.parameters.changed == before
+    assert flight.companion.parameters.changed == before
+
+
+def test_a_size_that_is_set_back_by_its_station_before_its_maps_are_made_is_never_flown():
+    flight = flying(seconds=3.0)
+    flight.plan_delay_s = 1.0
+    flight.set(SAFE_RADIUS=8.0)
+    flight.run(0.5)
+    flight.set(SAFE_RADIUS=0.38)
+    flight.run(4.0)
+    assert flight.state == "flying"
+    assert flight.noted("settings") == []
+    assert flight.planner.vehicle.radius_m == flight.vehicle.radius_m
+
+
+def test_nothing_is_planned_while_the_planner_has_maps_for_settings_that_are_not_in_force():
+    flight = flying(seconds=2.0)
+    flight.plan_delay_s = 1.5
+    flight.set(SAFE_RADIUS=0.5)
+    flight.run(0.1)
+    asked = len(flight.noted("replan"))
+    flight.set(WGT_INSP_SAFETY=9.0)
+    flight.run(1.0)
+    assert len(flight.noted("replan")) == asked
+    flight.run(3.0)
+    assert flight.companion.state.vehicle.radius_m == 0.5
+    assert len(flight.noted("replan")) > asked
+
+
+def test_an_order_while_maps_for_settings_are_made_is_planned_on_the_maps_in_force():
+    flight = flying(seconds=3.0)
+    flight.plan_delay_s = 7.0
+    flight.set(SAFE_RADIUS=0.5)
+    flight.run(0.1)
+    flight.plan_delay_s = 0.1
+    flight.operator.mission(EXIT, -1)
+    flight.run(6.5)
+    assert jobs_since(flight, SettingsJob) == []
+    assert flight.state == "at_target"
+    flight.run(1.0)
+    assert jobs_since(flight, SettingsJob)[0].request.mission is Mission.EXIT
+    assert flight.companion.status.task.mission is Mission.EXIT
+
+
+def test_maps_for_the_settings_in_force_are_made_again_until_the_planner_has_them():
+    flight = flying(seconds=3.0)
+    flight.set(SAFE_RADIUS=8.0)
+    flight.run_until_state("holding", 3.0)
+    flight.planning = False
+    flight.run(0.1)
+    for _ in range(3):
+        fail_maps(flight)
+        flight.run(0.1)
+    flight.planning = True
+    flight.run(0.1)
+    assert not any("no maps" in item["reason"] for item in flight.noted("text"))
+
+
+def test_a_size_that_leaves_room_here_but_no_path_holds_with_one_reason():
+    flight = flying(seconds=3.0)
+    flight.set(SAFE_RADIUS=6.0)
+    flight.run(8.0)
+    assert flight.state == "holding"
+    states = [item["state"] for item in flight.noted("state")]
+    assert states.count("holding") == 1
 
 
 def test_what_a_parameter_may_not_be_changes_nothing_and_is_told():

@@ -66,6 +66,7 @@ class Unmeasured:
     pilot: str | None = None
     setpoint_held: str | None = None
     setpoint_rejected: str | None = None
+    settings_refused: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

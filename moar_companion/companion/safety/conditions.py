@@ -287,6 +287,16 @@ CONDITIONS = (
         texts=_GATE,
     ),
     Condition(
+        name="settings_refused",
+        starts="a parameter was set in flight with which the flight's place has no room; it is set "
+        "back",
+        cause=lambda look: look.seen.faults.settings_refused,
+        action=Action.HOLD,
+        latched=True,
+        override=Override.ORDER,
+        texts=("no room at {SAFE_RADIUS 8|GUID_LAND_HEIGHT 0.0125}",),
+    ),
+    Condition(
         name="offboard_loss_collision",
         starts="under `loss_action: refuse`: on an inspection, or on the next plan of one that no "
         "operator has ordered, the autopilot's action after an offboard loss would hit an obstacle "
@@ -407,7 +417,7 @@ CONDITIONS = (
     Condition(
         name="no_clearance",
         starts="the position's uncertainty, the margin or the tracking error leaves no room at the "
-        "setpoint's place, or no path onward; or changed settings would leave none there, and wait",
+        "setpoint's place, or no path onward",
         cause=lambda look: look.seen.faults.no_clearance,
         action=Action.HOLD,
         over_s=1.0,
@@ -416,7 +426,6 @@ CONDITIONS = (
             "no room here, uncertainty {1.4|99999} m",
             "no room here, margin {0.8|99999} m",
             "no room here, an obstacle is seen",
-            "no room here with these settings",
             "no path, uncertainty {1.9|99999} m",
             "no path with tracking error",
         ),

@@ -155,6 +155,22 @@ class ParameterServer:
         events, self._events = self._events, []
         return events
 
+    def set_back(self, refused: FlightParameters, in_force: FlightParameters) -> None:
+        """Sets the values of `refused` back to those in force, and sends these on all links.
+
+        A value that was set again since then stays, where it is valid beside them.
+        """
+        names = [
+            name
+            for name in refused.differing(in_force)
+            if self.parameters.value(name) == refused.value(name)
+        ]
+        before = self.parameters
+        self.parameters = before.with_values_of(names, in_force) or in_force
+        for name in self.parameters.differing(before):
+            for listed in self._listed.values():
+                listed[self._indices[name], False] = None
+
     def handle(self, message: Message, asker: Asker, now_s: float) -> list[Message]:
         """Takes a request; returns the value or the error that a single one gets.
 
