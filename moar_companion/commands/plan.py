@@ -13,6 +13,7 @@ import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ from ..planner.adaptation import Adaptation
 from ..settings.vehicle import AdaptationKind
 from ..status_values import json_dict
 from ..types import Mission, RiskIndices, Weights
-from .options import add_file, file_name, numbers, refused, require, risk_indices
+from .options import add_file, file_name, number, numbers, refused, require, risk_indices
 from .outputs import STDOUT, check_outputs, print_text, report_compiling, write_output
 from .plan_summary import summary
 
@@ -31,10 +32,20 @@ if TYPE_CHECKING:
     from ..planner.plan_values import Plan
     from ..planner.planner import Planner
     from ..planner.site import Site
+    from ..planner.whole_front import Choice, Wish
+    from ..settings.vehicle import Vehicle
 
 _PICTURE_FORMATS = ("png", "svg", "pdf")
 _MAX_VELOCITY_MPS = 1_000.0
 """Greatest speed of any drone; the limit keeps all products finite."""
+_LIMITS = {
+    "--within": ("duration_s", "s", "the longest that the flight may take, landing leg included"),
+    "--energy": ("energy_wh", "Wh", "the most energy, by the powers of the vehicle file"),
+    "--clearance": ("clearance_m", "m", "the least distance to an obstacle on all the path"),
+}
+"""Options of a wish: `whole_front.Limited`, unit, meaning."""
+_PREFERENCES = {"safest": "the least safety cost", "fastest": "the least duration"}
+_NOT_WITH_A_WISH = ("weights", "risk", "adaptation", "explain", "alternatives", "refine")
 _MAPS = (
     "occupied",
     "safety_cost",
@@ -100,6 +111,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="weights of safety, time and energy, not negative, of any sum (default: the "
         "vehicle's for the mission)",
     )
+    limits = parser.add_mutually_exclusive_group()
+    for option, (_, unit, meaning) in _LIMITS.items():
+        limits.add_argument(
+            option,
+            metavar=unit.upper(),
+            type=partial(_limit, option, unit),
+            help=f"{meaning}: the best path of the whole trade-off that keeps it",
+        )
+    preferences = parser.add_mutually_exclusive_group()
+    for preference, meaning in _PREFERENCES.items():
+        preferences.add_argument(
+            f"--{preference}",
+            dest="prefer",
+            action="store_const",
+            const=preference,
+            help=f"with a limit: the path with {meaning} (default: --fastest with --clearance, "
+            "--safest with the others)",
+        )
     parser.add_argument(
         "--as-flown",
         action="store_true",
@@ -155,6 +184,7 @@ def run(arguments: argparse.Namespace) -> int:
         site = flown_site(site, vehicle, Supervision())
     mission: Mission = arguments.mission
     target = _target(site, arguments.site, mission, arguments.target)
+    wish = _wish(arguments)
     pictures = {"--plot": arguments.plot, "--pareto-plot": arguments.pareto_plot}
     formats = {option: _picture_format(option, path) for option, path in pictures.items()}
     _check_outputs(arguments, vehicle_file)
@@ -174,6 +204,9 @@ def run(arguments: argparse.Namespace) -> int:
         adaptation=arguments.adaptation,
     )
 
+    choice = None if wish is None or plan.reason else _chosen(planner, plan, wish, vehicle)
+    if choice is not None and choice.plan is not None:
+        plan = choice.plan
     adaptation = plan.request.adaptation
     assert adaptation is not None  # the request has risks
     explanation = _explained(planner, plan, adaptation) if arguments.explain else {}
@@ -187,6 +220,9 @@ def run(arguments: argparse.Namespace) -> int:
     if mission.visits_targets and target is None and left > 0:
         notes["targets"] = f"the first alone; `command inspection` flies {left} more in turn"
     document = _document(plan, explanation, others)
+    if choice is not None:
+        document["wish"] = _wish_document(choice)
+        notes["wish"] = _wish_words(choice)
     if arguments.refine:
         document["refined"] = None if refined is None else refined.to_dict()
 
@@ -230,6 +266,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise OSError("; ".join(problems))
     if plan.reason:
         raise InputError("no plan", plan.status.value, _whole_reason(planner, plan))
+    if choice is not None and not choice.fulfilled:
+        raise InputError(_limit_option(choice)[0], "", _wish_words(choice))
     return 0
 
 
@@ -260,6 +298,77 @@ def write_maps(maps: Maps, stream: IO[bytes]) -> None:
 
     x_m, z_m = maps.grid.axes_m
     np.savez_compressed(stream, x_m=x_m, z_m=z_m, **{name: getattr(maps, name) for name in _MAPS})
+
+
+def _limit(option: str, unit: str, text: str) -> float:
+    value = number(text.removesuffix(unit))
+    if value is None or value <= 0.0:
+        raise refused(option, text, f"must be a positive number, in {unit}")
+    return value
+
+
+def _wish(arguments: argparse.Namespace) -> Wish | None:
+    """The wish that the options make; None without a limit."""
+    given = {
+        option: value
+        for option in _LIMITS
+        if (value := getattr(arguments, option.removeprefix("--"))) is not None
+    }
+    if not given:
+        if arguments.prefer is not None:
+            raise refused(
+                f"--{arguments.prefer}", "", f"needs a limit: one of {', '.join(_LIMITS)}"
+            )
+        return None
+    from ..planner.whole_front import Limited, Preference, Wish  # noqa: PLC0415
+
+    ((option, value),) = given.items()
+    for other in _NOT_WITH_A_WISH:
+        if getattr(arguments, other):
+            raise refused(option, f"{value:g}", f"not with --{other}: the limit decides the path")
+    limited = Limited(_LIMITS[option][0])
+    usual = "fastest" if limited is Limited.CLEARANCE else "safest"
+    return Wish(limited=limited, limit=value, prefer=Preference(arguments.prefer or usual))
+
+
+def _chosen(planner: Planner, plan: Plan, wish: Wish, vehicle: Vehicle) -> Choice:
+    from ..planner.whole_front import choose  # noqa: PLC0415
+    from ..risk.power import PowerModel  # noqa: PLC0415
+
+    began_s = time.perf_counter()
+    choice = choose(planner, plan.request, wish, PowerModel.of(vehicle).powers_w)
+    if choice.plan is None:
+        return choice
+    search_ms = 1e3 * (time.perf_counter() - began_s)
+    compute = replace(choice.plan.compute, map_ms=plan.compute.map_ms, search_ms=search_ms)
+    return replace(choice, plan=replace(choice.plan, compute=compute))
+
+
+def _wish_document(choice: Choice) -> dict[str, Any]:
+    wish = choice.wish
+    return {
+        "prefer": wish.prefer.value,
+        "limited": wish.limited.value,
+        "limit": wish.limit,
+        "value": choice.value if math.isfinite(choice.value) else None,
+        "fulfilled": choice.fulfilled,
+    }
+
+
+def _limit_option(choice: Choice) -> tuple[str, str]:
+    """The option of a wish, and its unit."""
+    limited = choice.wish.limited.value
+    return next((option, unit) for option, (name, unit, _) in _LIMITS.items() if name == limited)
+
+
+def _wish_words(choice: Choice) -> str:
+    wish = choice.wish
+    _, unit = _limit_option(choice)
+    compared = "at least" if wish.limited.value == "clearance_m" else "at most"
+    value = f"{choice.value:.2f} {unit}"
+    if not choice.fulfilled:
+        return f"no path has {compared} {wish.limit:g} {unit}, the nearest has {value}"
+    return f"the {wish.prefer.value} with {compared} {wish.limit:g} {unit}: it has {value}"
 
 
 def _mission(text: str) -> Mission:

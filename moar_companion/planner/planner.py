@@ -30,6 +30,7 @@ from .solver import CostToGoTable, Goal, Solver, walked
 
 if TYPE_CHECKING:
     from .refinement import Refinement, Refiner
+    from .whole_front import Choice, PowerW, Wish
 
 _WORDS = {
     PlanStatus.OUT_OF_BOUNDS: "is outside the workspace",
@@ -375,6 +376,27 @@ class Planner:
         return Problem(
             request=request, start=grid.flat(start_cell), velocity_mps=velocity, goal=goal
         )
+
+    def choose(
+        self,
+        wish: Wish,
+        *,
+        mission: Mission | str,
+        target: str | int | None = None,
+        start: PlanePoint | None = None,
+        velocity: PlanePoint = (0.0, 0.0),
+        power_w: PowerW | None = None,
+    ) -> Choice:
+        """The best path of the whole front for a wish, exactly; arguments and errors as of `plan`.
+
+        power_w: of level and upward speeds in m/s, needed for a limit of the energy; ValueError
+        without it.
+        """
+        # Imported here: no flight needs it, so that no start loads its kernels.
+        from .whole_front import choose  # noqa: PLC0415
+
+        request = self.plan(mission=mission, target=target, start=start, velocity=velocity).request
+        return choose(self, request, wish, power_w)
 
     def refine(self, plan: Plan) -> Refinement:
         """A plan's path at any angle, of no greater J as a continuous path.

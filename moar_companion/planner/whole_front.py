@@ -83,9 +83,10 @@ class Choice:
     plan: None where no path leads to the goal at all. value: of what the wish limits, in its unit.
     """
 
-    plan: Plan | None
-    value: float
-    fulfilled: bool
+    wish: Wish
+    plan: Plan | None = None
+    value: float = math.nan
+    fulfilled: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,10 +141,10 @@ def choose(
     """The best path for a wish, exactly. power_w: needed for a limit of the energy."""
     problem = planner.problem(request)
     if isinstance(problem, Plan):
-        return Choice(plan=None, value=math.nan, fulfilled=False)
+        return Choice(wish=wish)
     preferred = _SAFETY if wish.prefer is Preference.SAFEST else _TIME
     if wish.limited is Limited.CLEARANCE:
-        return _with_clearance(planner, problem, wish.limit, preferred)
+        return _with_clearance(planner, problem, wish, preferred)
     if wish.limited is Limited.ENERGY:
         if power_w is None:
             raise ValueError("a limit of the energy needs the power")
@@ -153,10 +154,12 @@ def choose(
     first = _timed(planner, problem) if preferred is _TIME else _weighted(planner, problem, _SAFETY)
     front = _front(planner, problem, first, second)
     if front is None:
-        return Choice(plan=None, value=math.nan, fulfilled=False)
+        return Choice(wish=wish)
     index = front.within_second(wish.limit)
     at = len(front) - 1 if index is None else index
-    return Choice(plan=front.plan(at), value=float(front.second[at]), fulfilled=index is not None)
+    return Choice(
+        wish=wish, plan=front.plan(at), value=float(front.second[at]), fulfilled=index is not None
+    )
 
 
 def _weighted(planner: Planner, problem: Problem, weights: Weights) -> Criterion:
@@ -328,9 +331,7 @@ def _plan(planner: Planner, problem: Problem, headings: IntArray, expanded: int)
     return planner.found(request, states, cost, compute)
 
 
-def _with_clearance(
-    planner: Planner, problem: Problem, least_m: float, preferred: Weights
-) -> Choice:
+def _with_clearance(planner: Planner, problem: Problem, wish: Wish, preferred: Weights) -> Choice:
     """The best path whose clearance is nowhere less; otherwise the one of the greatest clearance.
 
     The cells that are too near are left out of the graph, and goals whose landing leg is.
@@ -362,19 +363,19 @@ def _with_clearance(
         )
         return None if headings is None else _plan(planner, problem, headings, expanded)
 
-    plan = best(least_m)
+    plan = best(wish.limit)
     if plan is not None:
-        return Choice(plan=plan, value=_clearance_m(plan), fulfilled=True)
+        return Choice(wish=wish, plan=plan, value=_clearance_m(plan), fulfilled=True)
     # The greatest clearance of any path is that of a cell or of a landing leg.
     values = np.unique([*clearance_m[np.isfinite(clearance_m)], *behind_m.values()])
-    values = values[values < least_m]
+    values = values[values < wish.limit]
     low, high = 0, len(values)
     while low < high:
         middle = (low + high) // 2
         found = best(float(values[middle]))
         plan, low, high = (plan, low, middle) if found is None else (found, middle + 1, high)
     value = math.nan if plan is None else _clearance_m(plan)
-    return Choice(plan=plan, value=value, fulfilled=False)
+    return Choice(wish=wish, plan=plan, value=value, fulfilled=False)
 
 
 def _clearance_m(plan: Plan) -> float:

@@ -221,6 +221,39 @@ def test_the_explanation_gives_the_effect_of_the_risks_on_weights_and_path(plan)
     assert path["words"].startswith(f"path {path['greatest_m']:.1f} m inward")
 
 
+@pytest.mark.parametrize(
+    ("options", "limited", "value_of"),
+    [
+        (("--within", "60 s"), "duration_s", lambda answer: answer["metrics"]["duration_s"]),
+        (("--within=60", "--fastest"), "duration_s", lambda it: it["metrics"]["duration_s"]),
+        (("--clearance", "2m"), "clearance_m", lambda it: it["metrics"]["min_clearance_m"]),
+        (("--energy", "20Wh"), "energy_wh", None),
+    ],
+)
+def test_a_wish_is_answered_by_the_best_path_that_keeps_its_limit(plan, options, limited, value_of):
+    answer = plan(*options)
+    wish = answer["wish"]
+    assert wish["limited"] == limited
+    assert wish["fulfilled"]
+    above = wish["value"] - wish["limit"]
+    assert (above if limited == "clearance_m" else -above) >= 0.0
+    if value_of is not None:
+        assert wish["value"] == pytest.approx(value_of(answer))
+
+
+def test_a_wish_that_no_path_fulfils_names_the_nearest_and_writes_its_plan(site, tmp_path, capsys):
+    file = tmp_path / "plan.json"
+    words = ["plan", site, "--mission", "inspection", "--within", "1s", "--json", str(file)]
+    assert cli.main(words) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    written = json.loads(file.read_text())
+    nearest_s = written["metrics"]["duration_s"]
+    assert f"no path has at most 1 s, the nearest has {nearest_s:.2f} s" in line
+    assert written["wish"]["fulfilled"] is False
+    assert written["wish"]["value"] == pytest.approx(nearest_s)
+
+
 def test_calibrated_adaptation_ends_with_the_safest_path(plan):
     options = ("--target", "splice-inner", "--risk", "wind=1,communication=1,localization=1")
     printed, calibrated = plan(*options), plan(*options, "--adaptation", "calibrated")
@@ -355,6 +388,11 @@ REFUSED = [
     ("json empty", ["--json", ""], ["--json", "''"]),
     ("two outputs, one file", ["--maps", "a", "--json", "./a"], ["--maps", "'a'", "--json"]),
     ("output over the site", ["--json", "site.yaml"], ["--json", "site.yaml", "the site"]),
+    ("limit negative", ["--within", "-3"], ["--within", "'-3'", "positive number, in s"]),
+    ("limit in another unit", ["--energy", "3 J"], ["--energy", "'3 J'", "Wh"]),
+    ("two limits", ["--within", "9", "--energy", "3"], ["--energy", "--within"]),
+    ("limit and risk", ["--within", "9", "--risk", "wind=1"], ["--within", "'9'", "--risk"]),
+    ("preference alone", ["--safest"], ["--safest", "limit", "--within"]),
     ("option unknown", ["--speed", "3"], ["--speed"]),
     ("value missing", ["--start"], ["--start", "expected one argument"]),
 ]

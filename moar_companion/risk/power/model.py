@@ -82,6 +82,11 @@ class PowerModel:
         """Power at a level and an upward speed."""
         return float(self._power_w(level_mps, up_mps, min, max))
 
+    def powers_w(self, level_mps: FloatArray, up_mps: FloatArray) -> FloatArray:
+        """Powers at level and upward speeds, arrays of one shape."""
+        powers: FloatArray = self._power_w(level_mps, up_mps, np.minimum, np.maximum)
+        return powers
+
     def _power_w(self, level_mps: Any, up_mps: Any, least: Any, most: Any) -> Any:
         """Power at level and upward speeds (n,). least, most: elementwise minimum and maximum."""
         level, up = level_mps / self.cruise_mps, up_mps / self.climb_mps
@@ -98,7 +103,7 @@ class PowerModel:
         moves = duration_s > 0.0
         velocity = np.diff(position_m, axis=0)[moves] / duration_s[moves, None]
         level_mps = np.sqrt((velocity[:, :-1] ** 2).sum(axis=1))
-        power_w = self._power_w(level_mps, velocity[:, -1], np.minimum, np.maximum)
+        power_w = self.powers_w(level_mps, velocity[:, -1])
         return float(power_w @ duration_s[moves]) / S_PER_H
 
     def hover_wh(self, seconds: float) -> float:
