@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..planner.plan_values import Plan
     from ..planner.planner import Planner
     from ..planner.site import Site
-    from ..planner.whole_front import Choice, Wish
+    from ..planner.whole_front import Choice, WholeFront, Wish
     from ..settings.vehicle import Vehicle
 
 _PICTURE_FORMATS = ("png", "svg", "pdf")
@@ -244,12 +244,15 @@ def run(arguments: argparse.Namespace) -> int:
     def draw_trade_off(stream: IO[bytes]) -> None:
         from ..analysis.pictures.front_picture import draw_front  # noqa: PLC0415
 
-        draw_front(plan, front, site, vehicle, planner.maps, stream, formats["--pareto-plot"])
+        draw_front(
+            plan, front, whole, site, vehicle, planner.maps, stream, formats["--pareto-plot"]
+        )
 
     front: list[Supported] = []
+    whole: WholeFront | None = None
     trade_off: dict[str, Any] = {}
     if arguments.pareto or arguments.pareto_plot:
-        front, trade_off = _trade_off(planner, plan, adaptation)
+        front, whole, trade_off = _trade_off(planner, plan, adaptation)
     failures = [
         write_output("--json", arguments.json, lambda stream: _write(document, stream)),
         write_output("--maps", arguments.maps, lambda stream: write_maps(planner.maps, stream)),
@@ -449,15 +452,16 @@ def _check_outputs(arguments: argparse.Namespace, vehicle_file: str) -> None:
 
 def _trade_off(
     planner: Planner, plan: Plan, adaptation: Adaptation
-) -> tuple[list[Supported], dict[str, Any]]:
-    """The front of a plan's problem, and its document with the plan's sensitivity."""
+) -> tuple[list[Supported], WholeFront | None, dict[str, Any]]:
+    """The fronts of a plan's problem, and their document with the plan's sensitivity."""
     from ..planner.analysis.pareto import front_document, pareto_front, sensitivity  # noqa: PLC0415
+    from ..planner.whole_front import whole_front  # noqa: PLC0415
 
     if plan.reason:
-        return [], front_document(plan, [], {})
+        return [], None, front_document(plan, [], {}, None)
     planner.prepare(mission=plan.mission, target=plan.request.target)
-    front = pareto_front(planner, plan.request)
-    return front, front_document(plan, front, sensitivity(planner, plan, adaptation))
+    front, whole = pareto_front(planner, plan.request), whole_front(planner, plan.request)
+    return front, whole, front_document(plan, front, sensitivity(planner, plan, adaptation), whole)
 
 
 def _text(document: dict[str, Any]) -> str:

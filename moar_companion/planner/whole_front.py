@@ -113,25 +113,52 @@ class WholeFront:
         """The path of a trade-off."""
         return self._paths(index)
 
+    @property
+    def supported(self) -> BoolArray:
+        """(n,) True for the corners of the lower convex hull: those that weighted sums reach."""
+        hull: list[int] = []
+        for at in range(len(self)):
+            while len(hull) > 1 and self._turn(hull[-2], hull[-1], at) <= 0.0:
+                hull.pop()
+            hull.append(at)
+        supported = np.zeros(len(self), dtype=bool)
+        supported[hull] = True
+        return supported
+
+    def _turn(self, one: int, two: int, three: int) -> float:
+        """Above 0 where the second point lies below the line from the first to the third."""
+        x, z = self.first, self.second
+        turn: float = (x[two] - x[one]) * (z[three] - z[one])
+        return turn - float((z[two] - z[one]) * (x[three] - x[one]))
+
     def within_second(self, most: float) -> int | None:
         """Index of the least first sum whose second is at most that; None if none is."""
         count = bisect_right(self.second[::-1], most + _EQUAL * max(1.0, abs(most)))
         return len(self) - count if count else None
 
 
-def whole_front(planner: Planner, request: PlanRequest) -> WholeFront | None:
-    """Safety against k_T TC + k_E EC, with the request's k_T : k_E; None without a path.
+def effort_weights(weights: Weights) -> Weights:
+    """The second cost of the whole front: k_T : k_E of these weights, without safety.
 
-    Where both are 0: against the sum of TC and EC. Raises InputError as `Planner.plan`.
+    Where both are 0, time and energy count alike.
     """
-    time, energy = request.weights.time, request.weights.energy
-    share = time / (time + energy) if time + energy > 0.0 else 0.5
-    second = Weights(0.0, share, 1.0 - share)
+    time, energy = weights.time, weights.energy
+    return Weights.normalised(0.0, time, energy) if time + energy > 0.0 else Weights(0.0, 0.5, 0.5)
+
+
+def whole_front(planner: Planner, request: PlanRequest) -> WholeFront | None:
+    """Safety against the effort k_T TC + k_E EC (`effort_weights`); None without a path.
+
+    Raises InputError as `Planner.plan`.
+    """
     problem = planner.problem(request)
     if isinstance(problem, Plan):
         return None
     return _front(
-        planner, problem, _weighted(planner, problem, _SAFETY), _weighted(planner, problem, second)
+        planner,
+        problem,
+        _weighted(planner, problem, _SAFETY),
+        _weighted(planner, problem, effort_weights(request.weights)),
     )
 
 

@@ -9,6 +9,7 @@ from matplotlib.image import imread
 from moar_companion import Planner, Site, Vehicle
 from moar_companion.analysis.pictures.front_picture import draw_front
 from moar_companion.planner.analysis.pareto import pareto_front
+from moar_companion.planner.whole_front import whole_front
 from moar_companion.settings.config import shipped_configs
 
 CONFIGS = shipped_configs()
@@ -24,7 +25,7 @@ def test_a_trade_off_is_a_picture_of_many_colours(start, found):
     front = pareto_front(planner, plan.request)
     assert bool(front) == found
     stream = io.BytesIO()
-    draw_front(plan, front, SITE, VEHICLE, planner.maps, stream)
+    draw_front(plan, front, whole_front(planner, plan.request), SITE, VEHICLE, planner.maps, stream)
     image = imread(io.BytesIO(stream.getvalue()), format="png")
     colours = np.unique(np.round(image[::3, ::3, :3] * 15).reshape(-1, 3), axis=0)
     assert len(colours) > (60 if found else 30)

@@ -15,6 +15,7 @@ from moar_companion.planner.adaptation import Adaptation
 from moar_companion.planner.analysis.pareto import front_document, pareto_front, sensitivity
 from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
+from moar_companion.planner.whole_front import whole_front
 from moar_companion.types import RiskIndices, Weights
 
 from .problems import CORNERS, conductor, make_site, make_vehicle, random_problem, random_weights
@@ -142,13 +143,17 @@ def test_the_document_is_json_and_has_every_path():
     plan = planner.plan(mission="inspection")
     front = pareto_front(planner, plan.request)
     ranges = sensitivity(planner, plan, Adaptation(base=plan.weights))
-    document = json.loads(json.dumps(front_document(plan, front, ranges), allow_nan=False))
+    whole = whole_front(planner, plan.request)
+    document = json.loads(json.dumps(front_document(plan, front, ranges, whole), allow_nan=False))
     assert len(document["points"]) == len(front)
     for point in document["points"]:
         assert set(point) == {
             "safety", "time", "energy", "weights", "metrics", "states",
         }  # fmt: skip
         assert point["states"][0] == document["points"][0]["states"][0]
+    trade_offs = document["trade_offs"]
+    assert [row["safety"] for row in trade_offs] == pytest.approx(whole.first)
+    assert [row["supported"] for row in trade_offs] == whole.supported.tolist()
     assert set(document["sensitivity"]) == {"weights", "risk"}
     assert set(document["sensitivity"]["risk"]) == set(RiskIndices().as_dict())
     assert set(document["sensitivity"]["weights"]["time"]) == {"value", "slope", "lower", "upper"}

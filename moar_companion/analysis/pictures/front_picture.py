@@ -1,6 +1,6 @@
-"""The picture of a trade-off: the best paths for all weights, and the weights for each.
+"""The picture of a trade-off: the best paths for all weights, the weights for each, and the others.
 
-Inputs: a plan, the front of its problem, site and maps. Output: one figure in a file.
+Inputs: a plan, the fronts of its problem, site and maps. Output: one figure in a file.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from ...planner.grid import FloatArray
 from ...planner.maps import Maps
 from ...planner.plan_values import Plan
 from ...planner.site import Site
+from ...planner.whole_front import WholeFront, effort_weights
 from ...settings.vehicle import Vehicle
 from .figure import DPI, INK, Page, page_style
 from .labels import place_labels
@@ -29,10 +30,13 @@ _COLOURS = colormaps["viridis"]
 _OWN = "#e4002b"
 """Colour of the requested plan."""
 
+_FAINT = "#b8b8b8"
+
 # The page, in inches.
 _LEFT, _PLANE_WIDTH, _RIGHT = 0.75, 7.6, 0.15
 _TITLE, _BELOW = 0.65, 0.6
 _GAP, _TRIANGLE_WIDTH = 0.95, 4.4
+_TRADE_OFFS_WIDTH = 4.4
 _CORNERS = np.array([[0.5, np.sqrt(0.75)], [0.0, 0.0], [1.0, 0.0]])
 """Corners where safety, time and energy alone count."""
 
@@ -40,6 +44,7 @@ _CORNERS = np.array([[0.5, np.sqrt(0.75)], [0.0, 0.0], [1.0, 0.0]])
 def draw_front(
     plan: Plan,
     front: list[Supported],
+    whole: WholeFront | None,
     site: Site,
     vehicle: Vehicle,
     maps: Maps,
@@ -48,12 +53,17 @@ def draw_front(
 ) -> None:
     """Draw a plan among the front of its problem, also an empty one, into a file."""
     with page_style():
-        page = _draw_page(plan, front, site, vehicle, maps)
+        page = _draw_page(plan, front, whole, site, vehicle, maps)
         page.figure.savefig(file, format=file_format, dpi=DPI)
 
 
 def _draw_page(
-    plan: Plan, front: list[Supported], site: Site, vehicle: Vehicle, maps: Maps
+    plan: Plan,
+    front: list[Supported],
+    whole: WholeFront | None,
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
 ) -> Page:
     paths = [point.plan.waypoints.position_m[: len(point.plan.states)] for point in front]
     x_m, z_m = plan.request.start_m
@@ -61,7 +71,7 @@ def _draw_page(
     height_in = _PLANE_WIDTH * (view[3] - view[2]) / (view[1] - view[0])
     triangle_left_in = _LEFT + _PLANE_WIDTH + COLOUR_BAR_IN + _GAP
     page = Page(
-        triangle_left_in + _TRIANGLE_WIDTH + _RIGHT,
+        triangle_left_in + _TRIANGLE_WIDTH + _GAP + _TRADE_OFFS_WIDTH + _RIGHT,
         _TITLE + max(height_in, 0.95 * _TRIANGLE_WIDTH) + _BELOW,
     )
     times = np.array([point.sums[1] for point in front])
@@ -84,6 +94,10 @@ def _draw_page(
 
     triangle = page.panel(triangle_left_in, _BELOW, _TRIANGLE_WIDTH, 0.95 * _TRIANGLE_WIDTH)
     _draw_triangle(triangle, plan, front, colours.to_rgba(times))
+    trade_offs_left_in = triangle_left_in + _TRIANGLE_WIDTH + _GAP
+    if whole is not None:
+        panel = page.panel(trade_offs_left_in, _BELOW, _TRADE_OFFS_WIDTH, 0.9 * _TRIANGLE_WIDTH)
+        _draw_trade_offs(panel, plan, whole)
     _draw_title(page, plan, len(front))
     return page
 
@@ -104,6 +118,42 @@ def _draw_triangle(axes: Any, plan: Plan, front: list[Supported], colours: Float
     names = ("safety alone", "time alone", "energy alone")
     for (x, y), name, offset in zip(_CORNERS, names, (0.04, -0.04, -0.04), strict=True):
         axes.text(x, y + offset, name, ha="center", va="center", fontsize=9)
+
+
+def _draw_trade_offs(axes: Any, plan: Plan, whole: WholeFront) -> None:
+    """All trade-offs of safety and effort; filled those that weighted sums reach."""
+    supported = whole.supported
+    axes.step(whole.first, whole.second, where="post", color=_FAINT, linewidth=1.0, zorder=1)
+    for chosen, colour, words in (
+        (supported, INK, "best for some weights"),
+        (~supported, "white", "between them"),
+    ):
+        axes.plot(
+            whole.first[chosen],
+            whole.second[chosen],
+            linestyle="none",
+            marker="o",
+            markersize=5,
+            color=colour,
+            markeredgecolor=INK,
+            label=f"{words}: {chosen.sum()}",
+        )
+    if plan.cost is not None:
+        effort = effort_weights(plan.weights)
+        own = effort.time * plan.cost.time + effort.energy * plan.cost.energy
+        axes.plot(
+            plan.cost.safety,
+            own,
+            linestyle="none",
+            marker="*",
+            markersize=13,
+            color=_OWN,
+            markeredgecolor="white",
+            label="the plan",
+        )
+    axes.set_xlabel("safety cost")
+    axes.set_ylabel("time and energy cost, in the plan's proportion")
+    axes.legend(loc="upper right", frameon=False, fontsize=9)
 
 
 def _draw_title(page: Page, plan: Plan, count: int) -> None:

@@ -19,6 +19,7 @@ from ..adaptation import Adaptation
 from ..grid import FloatArray
 from ..plan_values import Plan, PlanRequest
 from ..planner import Planner
+from ..whole_front import WholeFront
 
 _TOLERANCE = 1e-9
 """Costs closer than this, relative, are equal."""
@@ -84,15 +85,21 @@ def pareto_front(planner: Planner, request: PlanRequest) -> list[Supported]:
 
 
 def front_document(
-    plan: Plan, front: list[Supported], ranges: dict[str, dict[str, StableRange]]
+    plan: Plan,
+    front: list[Supported],
+    ranges: dict[str, dict[str, StableRange]],
+    whole: WholeFront | None,
 ) -> dict[str, Any]:
-    """The front and the sensitivity of a plan as a JSON document; infinite clearances are null."""
-    whole = plan.to_dict()
+    """The front and the sensitivity of a plan as a JSON document; infinite clearances are null.
+
+    whole: of the plan's weights, all trade-offs of safety and effort.
+    """
+    own = plan.to_dict()
     return {
-        **{key: whole[key] for key in ("site", "mission", "target", "status", "risk", "weights")},
+        **{key: own[key] for key in ("site", "mission", "target", "status", "risk", "weights")},
         "start_m": list(plan.request.start_m),
-        "start_velocity_mps": whole["start_velocity_mps"],
-        "cost": whole["cost"],
+        "start_velocity_mps": own["start_velocity_mps"],
+        "cost": own["cost"],
         "points": [
             {
                 **dict(zip(_NAMES, point.sums.tolist(), strict=True)),
@@ -103,11 +110,30 @@ def front_document(
             for point in front
             for corners, path in [(point.region.tolist(), point.plan.to_dict())]
         ],
+        "trade_offs": [] if whole is None else _trade_offs(whole),
         "sensitivity": {
             kind: {name: asdict(item) for name, item in items.items()}
             for kind, items in ranges.items()
         },
     }
+
+
+def _trade_offs(whole: WholeFront) -> list[dict[str, Any]]:
+    """All trade-offs of safety and effort, safest first; supported: some weights reach it."""
+    rows = []
+    for at, supported in enumerate(whole.supported.tolist()):
+        path = whole.plan(at).to_dict()
+        sums = {name: path["cost"][name] for name in _NAMES}
+        rows.append(
+            {
+                **sums,
+                "effort": float(whole.second[at]),
+                "supported": supported,
+                "metrics": path["metrics"],
+                "states": path["states"],
+            }
+        )
+    return rows
 
 
 def sensitivity(
