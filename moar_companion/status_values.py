@@ -73,6 +73,19 @@ class SupervisionSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FailsafeEntry:
+    """Action after a loss. trigger: what is lost. by: companion or autopilot.
+
+    after_s: time from the loss to the action; null where the autopilot does not tell.
+    """
+
+    trigger: str
+    by: str
+    action: str
+    after_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionSection:
     """Mission state since for_s. goal: name of the target, or index of the landing point.
 
@@ -383,7 +396,8 @@ class HostSection:
 class Status:
     """Status of the companion at one instant. time_s: wall clock, seconds since 1970.
 
-    batteries: by id. refused: packets refused by signed link and reason. age_s: by source of
+    failsafes: actions after a loss; null until the autopilot's parameters are known. batteries: by
+    id. refused: packets refused by signed link and reason. age_s: by source of
     telemetry. parameters: values that were set above the files, by name. recorder: folder of the
     record.
     """
@@ -391,6 +405,7 @@ class Status:
     time_s: float
     autopilot: AutopilotSection | None
     supervision: SupervisionSection
+    failsafes: tuple[FailsafeEntry, ...] | None
     mission: MissionSection
     aircraft: AircraftSection
     path: PathSection | None

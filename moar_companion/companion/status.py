@@ -20,6 +20,7 @@ from ..status_values import (
     BatteryEntry,
     ConditionEntry,
     CostEntry,
+    FailsafeEntry,
     HostSection,
     LineEntry,
     LinkSection,
@@ -106,6 +107,7 @@ class LatestDecisions:
             time_s=now_s + clock_offset_s,
             autopilot=_autopilot(telemetry, now_s),
             supervision=_supervision(state.ruling),
+            failsafes=_failsafes(state),
             mission=self._mission(state.status, now_s),
             aircraft=_aircraft(state),
             path=_path(state),
@@ -205,6 +207,30 @@ def _supervision(ruling: Ruling) -> SupervisionSection:
                 overridden=item.overridden,
             )
             for item in ruling.conditions
+        ),
+    )
+
+
+def _failsafes(state: CycleState) -> tuple[FailsafeEntry, ...] | None:
+    limits, supervision = state.routes.limits, state.config.supervision
+    loss = limits.offboard_loss.loss
+    if loss is None or not limits.watch.known:
+        return None
+    return (
+        FailsafeEntry(
+            trigger="ground station",
+            by="companion",
+            action=supervision.ground_link_action.value,
+            after_s=supervision.ground_link_lost_s,
+        ),
+        FailsafeEntry(
+            trigger="companion", by="autopilot", action=loss.action.value, after_s=loss.timeout_s
+        ),
+        *(
+            FailsafeEntry(
+                trigger=item.trigger.value, by="autopilot", action=item.action.value, after_s=None
+            )
+            for item in limits.watch.enabled.actions
         ),
     )
 

@@ -81,6 +81,11 @@ class FailsafeExposure:
         self.failsafes = NO_FAILSAFES
         """Failsafes that move the aircraft; RC loss counts only once RC was received."""
 
+    @property
+    def enabled(self) -> Failsafes:
+        """All failsafes that the autopilot has enabled, also those by which it stays."""
+        return self._all
+
     def take_settings(self, limits: Supervision, power: PowerModel) -> None:
         """Takes the settings in force."""
         self._limits, self._power = limits, power
