@@ -86,6 +86,13 @@ class FailsafeEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FailsafesSection:
+    """Actions of companion and autopilot after a loss of a link, of GPS, or of the battery."""
+
+    actions: tuple[FailsafeEntry, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionSection:
     """Mission state since for_s. goal: name of the target, or index of the landing point.
 
@@ -396,8 +403,7 @@ class HostSection:
 class Status:
     """Status of the companion at one instant. time_s: wall clock, seconds since 1970.
 
-    failsafes: actions after a loss; null until the autopilot's parameters are known. batteries: by
-    id. refused: packets refused by signed link and reason. age_s: by source of
+    failsafes: null until the autopilot's parameters are known. batteries: by id. refused: packets refused by signed link and reason. age_s: by source of
     telemetry. parameters: values that were set above the files, by name. recorder: folder of the
     record.
     """
@@ -405,7 +411,7 @@ class Status:
     time_s: float
     autopilot: AutopilotSection | None
     supervision: SupervisionSection
-    failsafes: tuple[FailsafeEntry, ...] | None
+    failsafes: FailsafesSection | None
     mission: MissionSection
     aircraft: AircraftSection
     path: PathSection | None

@@ -21,6 +21,7 @@ from ..status_values import (
     ConditionEntry,
     CostEntry,
     FailsafeEntry,
+    FailsafesSection,
     HostSection,
     LineEntry,
     LinkSection,
@@ -211,28 +212,23 @@ def _supervision(ruling: Ruling) -> SupervisionSection:
     )
 
 
-def _failsafes(state: CycleState) -> tuple[FailsafeEntry, ...] | None:
-    limits, supervision = state.routes.limits, state.config.supervision
-    loss = limits.offboard_loss.loss
-    if loss is None or not limits.watch.known:
+def _failsafes(state: CycleState) -> FailsafesSection | None:
+    watch, supervision = state.routes.limits.watch, state.config.supervision
+    if not watch.known:
         return None
-    return (
-        FailsafeEntry(
-            trigger="ground station",
-            by="companion",
-            action=supervision.ground_link_action.value,
-            after_s=supervision.ground_link_lost_s,
-        ),
-        FailsafeEntry(
-            trigger="companion", by="autopilot", action=loss.action.value, after_s=loss.timeout_s
-        ),
-        *(
-            FailsafeEntry(
-                trigger=item.trigger.value, by="autopilot", action=item.action.value, after_s=None
-            )
-            for item in limits.watch.enabled.actions
-        ),
+    own = FailsafeEntry(
+        trigger="ground station",
+        by="companion",
+        action=supervision.ground_link_action.value,
+        after_s=supervision.ground_link_lost_s,
     )
+    autopilots = (
+        FailsafeEntry(
+            trigger=item.trigger.value, by="autopilot", action=item.action.value, after_s=None
+        )
+        for item in watch.enabled.actions
+    )
+    return FailsafesSection(actions=(own, *autopilots))
 
 
 def _aircraft(state: CycleState) -> AircraftSection:

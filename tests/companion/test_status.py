@@ -82,14 +82,16 @@ def test_in_flight_the_status_has_the_position_and_the_flown_mission():
 def test_the_status_tells_what_companion_and_autopilot_do_after_a_loss():
     assert status_of(Desk())["failsafes"] is None
     desk = Desk().come_to("flying")
-    found = {(item["trigger"], item["by"]): item for item in status_of(desk)["failsafes"]}
+    found = {
+        (item["trigger"], item["by"]): item for item in status_of(desk)["failsafes"]["actions"]
+    }
     limits = desk.companion.state.config.supervision
     ground = found["ground station", "companion"]
     assert (ground["action"], ground["after_s"]) == ("hold", limits.ground_link_lost_s)
-    loss = desk.companion.state.routes.limits.offboard_loss.loss
-    assert found["companion", "autopilot"]["action"] == loss.action.value
-    enabled = desk.companion.state.routes.limits.watch.enabled.actions
-    assert len(found) == len(enabled) + 2
+    limits = desk.companion.state.routes.limits
+    loss = found["companion loss", "autopilot"]
+    assert (loss["action"], loss["after_s"]) == (limits.offboard_loss.loss.action.value, None)
+    assert len(found) == len(limits.watch.enabled.actions) + 1
 
 
 def test_the_setpoint_of_the_status_is_the_one_that_was_sent():

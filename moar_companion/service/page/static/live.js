@@ -1,0 +1,164 @@
+// The live view: the state of the service, ten times a second, and orders to it.
+import { h, setText } from "./dom.js";
+import { merged } from "./merge.js";
+import { authorization, confirmed, get, Newest, post } from "./server.js";
+import { StatusView } from "./status.js";
+import { clock, duration } from "./words.js";
+
+const RETRY_MS = 1000;
+const SILENT_S = 2;
+const ESCAPES_PERIOD_MS = 3000;
+const APART_M = 0.1;
+
+/** Obstacles of the site as seen now, that a site file does not have. */
+function withSeen(document, view) {
+  const known = new Set(document.obstacles.map((entry) => (entry.conductor ?? entry.polygon).name));
+  const more = view.site.obstacles.filter((obstacle) => !known.has(obstacle.name)).map((obstacle) => {
+    const { kind, ...shape } = obstacle;
+    return { [kind]: { ...shape, keep_out_m: Math.max(0, shape.keep_out_m - (view.site.margin_m ?? 0)) } };
+  });
+  return more.length ? { ...document, obstacles: [...document.obstacles, ...more] } : null;
+}
+
+/** A what-if request for the escapes and other risks from where the aircraft is. */
+export function escapesRequest(status, whatIf, view) {
+  const { aircraft, mission, plan, risk, weights } = status;
+  if (!aircraft?.position_m || !plan || !whatIf) return null;
+  const request = {
+    mission: plan.mission,
+    target: mission.goal ?? plan.target ?? null,
+    start_m: [aircraft.position_m[0], aircraft.position_m[2]],
+    risk: Object.fromEntries(Object.entries(risk).map(([name, index]) => [name, index.value])),
+    parts: ["alternatives"],
+  };
+  if (weights) request.weights = weights.base;
+  const site = withSeen(whatIf.site, view);
+  if (site) request.site = site;
+  return request;
+}
+
+export class LiveView {
+  /**
+   * page: the answer of /api/page. connection: called with a text, and whether it is bad. moved:
+   * called with the site, the track and the place of the aircraft.
+   */
+  constructor(page, connection, moved) {
+    Object.assign(this, { page, connection, moved });
+    this.view = new StatusView();
+    this.orders = h("div", { class: "orders", role: "group", "aria-label": "Orders" });
+    this.answer = h("p", { class: "answer", role: "status" });
+    this.view.below.append(this.orders);
+    this.element = this.view.element;
+    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view.setEscapes(found.alternatives), () => this.view.setEscapes([]));
+    this.makeOrders();
+  }
+
+  async open() {
+    if (this.closed === false) return;
+    this.closed = false;
+    this.whatIf = await get("api/what-if").catch(() => null);
+    this.connect();
+    this.timer = setInterval(() => this.askEscapes(), ESCAPES_PERIOD_MS);
+  }
+
+  close() {
+    this.closed = true;
+    clearInterval(this.timer);
+    clearTimeout(this.retry);
+    this.socket?.close();
+  }
+
+  connect() {
+    const url = new URL("live", location.href);
+    url.protocol = url.protocol.replace("http", "ws");
+    url.hash = "";
+    this.socket = new WebSocket(url);
+    this.socket.addEventListener("message", (event) => this.receive(JSON.parse(event.data)));
+    this.socket.addEventListener("close", () => {
+      if (this.closed) return;
+      this.connection("No connection to the service", true);
+      this.retry = setTimeout(() => this.connect(), RETRY_MS);
+    });
+  }
+
+  receive(frame) {
+    if (frame.all) {
+      this.state = frame.all;
+      this.flown = frame.flown ?? [];
+      this.readSite();
+    } else {
+      const revision = this.state.site_revision;
+      this.state = merged(this.state, frame.changed);
+      if (this.state.site_revision !== revision) this.readSite();
+    }
+    const silent = this.state.silent_s ?? 0;
+    const { time_s: time } = this.state;
+    if (silent > SILENT_S) this.connection(`No data from the service for ${duration(silent)}`, true);
+    else this.connection(time ? `Live, ${clock(time)}` : "Waiting for the service", !time);
+    // A state has no status before the service has sent one.
+    if (!this.state.mission) return;
+    const position = this.state.aircraft.position_m;
+    const last = this.flown.at(-1);
+    if (position && this.state.aircraft.landed !== "on_ground" && (!last || Math.hypot(position[0] - last[0], position[2] - last[2]) > APART_M)) this.flown.push(position);
+    const planned = this.state.plan?.paths;
+    const changed = planned !== this.planned;
+    this.planned = planned;
+    this.view.setStatus(this.state, this.flown);
+    this.moved(this.site, this.flown, position);
+    if (changed) this.askEscapes();
+    this.updateOrders();
+  }
+
+  async readSite() {
+    const view = await get("api/site").catch(() => null);
+    this.site = view;
+    this.view.setSite(view, this.page.vehicle);
+    this.updateTargets();
+    this.askEscapes();
+  }
+
+  askEscapes() {
+    if (!this.state?.mission || !this.site || document.hidden) return;
+    const request = escapesRequest(this.state, this.whatIf, this.site);
+    if (request) this.escapes.ask(request);
+  }
+
+  makeOrders() {
+    const button = (words, attributes, act) => h("button", { type: "button", ...attributes, onclick: act }, words);
+    this.target = h("select", { "aria-label": "Target of the inspection" });
+    this.hold = button("Hold", { class: "hold" }, () => this.order("hold", null, "Hold here?", "The aircraft stops and holds its position."));
+    this.go = button("Continue", {}, () => this.order("continue", null, "Continue the mission?", "The aircraft flies on along its path."));
+    const others = [
+      button("Inspect", {}, () => this.order("inspection", this.target.value || null, `Inspect ${this.target.value || "every target"}?`, "A path to the target is planned and flown.")),
+      this.target,
+      button("Exit", {}, () => this.order("exit", null, "Exit?", "The aircraft leaves the site for a landing point, with the weights of the exit.")),
+      button("Evacuate", {}, () => this.order("evacuation", null, "Evacuate?", "The aircraft leaves the site for the nearest landing point on the safest path.")),
+      button("Release", {}, () => this.order("release", null, "Release control?", "The companion sends no more setpoints. The autopilot acts as its own parameters say.")),
+    ];
+    this.buttons = [this.hold, this.go, ...others];
+    if (this.page.orders) this.orders.append(...this.buttons, this.answer);
+    else this.orders.append(h("p", { class: "muted" }, "This page shows; it gives no orders. To take over, select any other flight mode."));
+  }
+
+  updateTargets() {
+    const names = this.site?.site.targets.map((target) => target.name) ?? [];
+    this.target.replaceChildren(h("option", { value: "" }, "every target"), ...names.map((name) => h("option", { value: name }, name)));
+  }
+
+  updateOrders() {
+    this.go.disabled = this.state.mission.state !== "holding";
+    this.hold.disabled = !["flying", "at_target", "landing_leg"].includes(this.state.mission.state);
+  }
+
+  async order(order, target, title, text) {
+    if (!(await confirmed(title, text, title.replace("?", "")))) return;
+    setText(this.answer, "Sent, waiting for the answer…");
+    try {
+      const found = await post("api/order", { order, target }, authorization());
+      const reason = found.reason ? `: ${found.reason}` : "";
+      setText(this.answer, `Answer to ${order}: ${found.result.toLowerCase()}${reason}`);
+    } catch (error) {
+      setText(this.answer, `Not ordered: ${error.message}`);
+    }
+  }
+}

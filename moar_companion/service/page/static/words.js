@@ -1,0 +1,124 @@
+// Numbers and states as words: the contracts' words, for people.
+
+export const UNKNOWN = "unknown";
+
+/** A number with its unit; unknown is never 0. */
+export function number(value, digits = 1, unit = "") {
+  if (value === null || value === undefined) return UNKNOWN;
+  return `${value.toFixed(digits)}${unit}`;
+}
+
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined) return UNKNOWN;
+  if (seconds < 10) return `${seconds.toFixed(1)} s`;
+  if (seconds < 100) return `${Math.round(seconds)} s`;
+  const whole = Math.round(seconds);
+  return `${Math.floor(whole / 60)} min ${String(whole % 60).padStart(2, "0")} s`;
+}
+
+export function percent(share) {
+  return share === null || share === undefined ? UNKNOWN : `${Math.round(100 * share)} %`;
+}
+
+export function clock(seconds) {
+  return new Date(1e3 * seconds).toISOString().slice(11, 19) + " UTC";
+}
+
+export function bytes(count) {
+  return count < 1e6 ? `${Math.max(1, Math.round(count / 1e3))} kB` : `${(count / 1e6).toFixed(1)} MB`;
+}
+
+export function plain(word) {
+  return String(word).replaceAll("_", " ");
+}
+
+export function capital(text) {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
+/** The goal of a mission: a target by name, or a landing point by number. */
+export function goalWords(mission, goal) {
+  if (mission === "inspection") return goal === null || goal === undefined ? "every target" : String(goal);
+  return goal === null || goal === undefined ? "the nearest landing point" : `landing point ${goal}`;
+}
+
+/** What the aircraft does, as a headline. */
+export function headline(status) {
+  const { state, mission, goal } = status.mission;
+  const mode = status.autopilot?.kind === "ardupilot" ? "GUIDED" : "OFFBOARD";
+  switch (state) {
+    case "flying":
+      return `Flying ${mission} to ${goalWords(mission, goal)}`;
+    case "at_target":
+      return `At target ${goal ?? ""}`.trim();
+    case "landing_leg":
+      return `Landing leg of the ${mission}`;
+    case "holding":
+      return goal === null || goal === undefined
+        ? "Holding position"
+        : `Holding on the way to ${goalWords(mission, goal)}`;
+    case "planning":
+      return `Planning ${mission} to ${goalWords(mission, goal)}`;
+    case "ready":
+      return `Ready for ${mission} to ${goalWords(mission, goal)}: select ${mode}`;
+    case "overridden":
+      return `Overridden: ${status.autopilot?.mode ?? "another mode"} has control`;
+    case "released":
+      return "Released: the autopilot has control";
+    default:
+      return "Idle: no setpoints are sent";
+  }
+}
+
+/** Who moves the aircraft now. */
+export function controlWords(status) {
+  const autopilot = status.autopilot;
+  if (!autopilot) return "No autopilot is received";
+  const armed = autopilot.armed ? "armed" : "disarmed";
+  const who = autopilot.ours && status.path ? "the companion steers" : "the companion does not steer";
+  return `${autopilot.mode}, ${armed}: ${who}`;
+}
+
+const ACTIONS = {
+  continue: "Note",
+  slow: "Slows down",
+  hold: "Holds",
+  leave: "Leaves this place",
+  exit: "Exits",
+  evacuation: "Evacuates",
+  release: "Gives up control",
+};
+
+/** What the companion does by a condition. */
+export function actionWords(action) {
+  return ACTIONS[action] ?? capital(plain(action));
+}
+
+/** Grade of a condition's action: note, caution or warning. */
+export function grade(action) {
+  if (action === "continue") return "note";
+  return action === "slow" || action === "hold" ? "caution" : "warning";
+}
+
+/** Grade of a risk index, as in the terminal's view. */
+export function riskGrade(value) {
+  return value >= 0.8 ? "warning" : value >= 0.5 ? "caution" : "note";
+}
+
+/** An action as what a named agent does: "hold" becomes "PX4 holds". */
+export function actsWords(agent, action) {
+  const [verb, ...rest] = action.split(" ");
+  return [agent, verb === "go" ? "goes" : `${verb}s`, ...rest].join(" ");
+}
+
+/** Name of an autopilot's kind, as its makers write it. */
+export function autopilotName(kind) {
+  return { px4: "PX4", ardupilot: "ArduPilot" }[kind] ?? "the autopilot";
+}
+
+/** Reason of a plan, where its short text for pilots is no sentence. */
+export function reasonWords(reason) {
+  const wider = /^obstacles wider by (.+) -> (.+) m$/.exec(reason);
+  if (!wider) return reason.replaceAll("->", "→");
+  return `the position's uncertainty: obstacles count as ${wider[2]} m wider, before ${wider[1]} m`;
+}
