@@ -403,9 +403,9 @@ class HostSection:
 class Status:
     """Status of the companion at one instant. time_s: wall clock, seconds since 1970.
 
-    failsafes: null until the autopilot's parameters are known. batteries: by id. refused: packets refused by signed link and reason. age_s: by source of
-    telemetry. parameters: values that were set above the files, by name. recorder: folder of the
-    record.
+    failsafes: null until the autopilot's parameters are known. batteries: by id. refused: packets
+    refused by signed link and reason. age_s: by source of telemetry. parameters: values that were
+    set above the files, by name. recorder: folder of the record.
     """
 
     time_s: float
