@@ -66,10 +66,10 @@ if TYPE_CHECKING:
     from .mqtt_publisher import MqttPublisher
     from .order_queue import OrderQueue
     from .page_process import PageProcess
-    from .parameter_file import ParameterFile
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
     from .snapshot_file import SnapshotFile
+    from .stored_parameters import ParameterFile
 
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""

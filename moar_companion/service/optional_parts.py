@@ -25,11 +25,10 @@ if TYPE_CHECKING:
     from .cycle_recorder import CycleRecorder
     from .mqtt_publisher import MqttPublisher
     from .page_process import PageProcess
-    from .parameter_file import ParameterFile
     from .perception_process import PerceptionProcess
     from .signing_clock import SigningClock
     from .snapshot_file import SnapshotFile
-    from .stored_parameters import StartSettings
+    from .stored_parameters import ParameterFile, StartSettings
 
 _logger = logging.getLogger(__name__)
 
@@ -59,7 +58,7 @@ def open_parameters(
     folder = state_folder(config)
     if folder is None:
         return None
-    from .parameter_file import ParameterFile
+    from .stored_parameters import ParameterFile
 
     file = ParameterFile(folder.path, settings)
     stack.callback(file.close)

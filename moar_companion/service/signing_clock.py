@@ -19,10 +19,9 @@ from pydantic import Field, TypeAdapter
 from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing, timestamp_at
 from ..settings.config import CompanionConfig
 from ..settings.input_file import open_file
-from .background_writer import BackgroundWriter, Batches
 from .directories import state_folder
 from .signing_key import read_signing_key
-from .snapshot_file import write_whole
+from .whole_file import WholeFile
 
 _NAME = "signing.json"
 _LONGEST_BYTES = 65536
@@ -67,10 +66,8 @@ class SigningClock:
 
     def __init__(self, directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
-        self._path = directory / _NAME
+        self._file = WholeFile(directory / _NAME, "signing")
         self._saved: dict[str, int] = {}
-        self._failing = False
-        self._writer = BackgroundWriter("signing", self._write_loop)
 
     def keep(self, timestamps: Mapping[str, int], references: Mapping[str, int]) -> None:
         """Queues the time stamps for writing when the file's lead over them is used up."""
@@ -84,23 +81,11 @@ class SigningClock:
             for link, timestamp in timestamps.items()
         }
         file = _File(timestamps=self._saved, references=dict(references))
-        self._writer.put(_FILE.dump_json(file, indent=1))
+        self._file.put(_FILE.dump_json(file, indent=1))
 
     def close(self) -> None:
         """Waits a limited time for the pending write."""
-        self._writer.close()
-
-    def _write_loop(self, batches: Batches) -> None:
-        for batch in batches:
-            (data,) = batch[-1]
-            try:
-                write_whole(self._path, data)
-            except OSError as error:
-                level = logging.DEBUG if self._failing else logging.WARNING
-                self._failing = True
-                _logger.log(level, "%s: not written: %s", self._path, error.strerror)
-            else:
-                self._failing = False
+        self._file.close()
 
 
 def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:

@@ -2,16 +2,14 @@
 
     DIRECTORY/mission.json
 
-A new file is written beside it and renamed over it. A killed process or a loss of power leaves the
-old file or the new one. After a failed write, or one that the end of the process does not wait for,
-the file is removed: an outdated snapshot is worse than none.
+After a failed write, or one that the end of the process does not wait for, the file is removed: an
+outdated snapshot is worse than none.
 """
 
 from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,10 +18,10 @@ from typing import Literal
 from pydantic import TypeAdapter
 
 from ..companion.mission_snapshot import MissionSnapshot
-from ..companion.safety.file_faults import FileFault, words
+from ..companion.safety.file_faults import FileFault
 from ..settings.input_file import open_file
 from ..texts import service_texts
-from .background_writer import BackgroundWriter, Batches
+from .whole_file import WholeFile
 
 _NAME = "mission.json"
 _LONGEST_BYTES = 65536
@@ -54,39 +52,38 @@ class SnapshotFile:
 
     def __init__(self, directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
-        self._path = directory / _NAME
-        self._beside = _beside(self._path)
-        self._beside.write_bytes(b"")
-        self._beside.unlink()
+        self._file = WholeFile(directory / _NAME, "memory", failed=self._remove)
+        self._file.beside.write_bytes(b"")
+        self._file.beside.unlink()
         self._load_fault: FileFault | None = None
-        self._write_fault: FileFault | None = None
-        self._writer = BackgroundWriter("memory", self._write_loop)
 
     @property
     def faults(self) -> tuple[FileFault, ...]:
         """Current faults of the file; a file that was unusable at the start stays in the list."""
-        return tuple(filter(None, (self._load_fault, self._write_fault)))
+        faults = self._file.faults(service_texts.NO_STATE_FILE, "restart goes idle")
+        return (*filter(None, (self._load_fault,)), *faults)
 
     def load(self, clock_offset_s: float) -> MissionSnapshot | None:
         """Returns the snapshot; None without one. Logs an unusable file, moves a broken one aside.
 
         clock_offset_s: wall clock minus the machine's clock, now.
         """
+        path = self._file.path
         try:
-            with open_file(self._path) as file:
+            with open_file(path) as file:
                 return decoded(file.read(_LONGEST_BYTES), clock_offset_s)
         except FileNotFoundError:
             return None
         except OSError as error:
-            _logger.warning("%s: not read: %s", self._path, error.strerror)
+            _logger.warning("%s: not read: %s", path, error.strerror)
             self._load_fault = FileFault(
                 reason=service_texts.STATE_UNREADABLE(), action="starting idle"
             )
         except ValueError:
-            aside = self._path.with_suffix(".broken")
-            _logger.warning("%s: no memory of this version, put aside as %s", self._path, aside)
+            aside = path.with_suffix(".broken")
+            _logger.warning("%s: no memory of this version, put aside as %s", path, aside)
             with contextlib.suppress(OSError):
-                self._path.replace(aside)
+                path.replace(aside)
             self._load_fault = FileFault(
                 reason=service_texts.STATE_UNUSABLE(), action="starting idle"
             )
@@ -94,36 +91,21 @@ class SnapshotFile:
 
     def save(self, memory: MissionSnapshot, clock_offset_s: float) -> None:
         """Queues a snapshot for writing; of several that wait, only the newest is written."""
-        self._writer.put(encoded(memory, clock_offset_s))
+        self._file.put(encoded(memory, clock_offset_s))
 
     def close(self) -> None:
         """Waits a limited time for the pending write; after that the outdated file is removed."""
-        if self._writer.close():
+        if self._file.close():
             return
-        _logger.warning("%s: the last state is not written: the disk is too slow", self._path)
+        path = self._file.path
+        _logger.warning("%s: the last state is not written: the disk is too slow", path)
         # A removal needs no disk where the write waits for it; the process ends in any case.
         removal = threading.Thread(target=self._remove, name="outdated state", daemon=True)
         removal.start()
         removal.join(_REMOVAL_S)
 
-    def _write_loop(self, batches: Batches) -> None:
-        for batch in batches:
-            self._write(*batch[-1])
-
-    def _write(self, data: bytes) -> None:
-        try:
-            write_whole(self._path, data)
-        except OSError as error:
-            level = logging.WARNING if self._write_fault is None else logging.DEBUG
-            reason = service_texts.NO_STATE_FILE(fault=words(error))
-            self._write_fault = FileFault(reason=reason, action="restart goes idle")
-            _logger.log(level, "%s: not written: %s", self._path, error.strerror)
-            self._remove()
-        else:
-            self._write_fault = None
-
     def _remove(self) -> None:
-        for path in (self._beside, self._path):
+        for path in (self._file.beside, self._file.path):
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)
 
@@ -138,27 +120,3 @@ def decoded(data: bytes, clock_offset_s: float) -> MissionSnapshot:
     """Mission snapshot of a file, on this machine's clock; ValueError if the file has none."""
     memory = _FILE.validate_json(data, strict=True).memory
     return replace(memory, since_s=memory.since_s - clock_offset_s)
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Writes a file so that it is the old one or the new one at any moment; raises OSError."""
-    beside = _beside(path)
-    with beside.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)
-    _sync(path.parent)
-
-
-def _beside(path: Path) -> Path:
-    return path.with_name(f".{path.name}.new")
-
-
-def _sync(directory: Path) -> None:
-    """Makes a rename survive a loss of power."""
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

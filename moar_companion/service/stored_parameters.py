@@ -27,6 +27,7 @@ from ..settings.vehicle import Vehicle, VehicleFile
 from ..texts import service_texts
 from ..texts.text_format import plural
 from .directories import state_folder
+from .whole_file import WholeFile
 
 FILE_NAME = "parameters.json"
 _LONGEST_BYTES = 1_000_000
@@ -146,10 +147,27 @@ def _read(
     return {}, (text,), (FileFault(reason=reason, action="files count"),)
 
 
-def encoded(settings: StartSettings, parameters: FlightParameters) -> bytes:
-    """Content of the file with the values that are set now."""
-    unused = {key: value for key, value in settings.unused.items() if key not in parameters.given}
-    values = {**unused, **parameters.changed}
-    return _FILE.dump_json(
-        _File(vehicles=settings.others | {settings.vehicle.name: values}), indent=1
-    )
+class ParameterFile:
+    """The file of a vehicle's parameters, written by a thread of its own."""
+
+    def __init__(self, folder: Path, settings: StartSettings) -> None:
+        self._settings = settings
+        self._file = WholeFile(folder / FILE_NAME, "parameters")
+
+    @property
+    def faults(self) -> tuple[FileFault, ...]:
+        """Current faults of the file; those of the start stay in the list."""
+        now = self._file.faults(service_texts.NO_PARAMETER_FILE, "not kept")
+        return (*self._settings.faults, *now)
+
+    def keep(self, parameters: FlightParameters) -> None:
+        """Queues the values in force for writing."""
+        unused, name = self._settings.unused, self._settings.vehicle.name
+        kept = {key: value for key, value in unused.items() if key not in parameters.given}
+        values = {**kept, **parameters.changed}
+        file = _File(vehicles=self._settings.others | {name: values})
+        self._file.put(_FILE.dump_json(file, indent=1))
+
+    def close(self) -> None:
+        """Waits a limited time for the pending write."""
+        self._file.close()

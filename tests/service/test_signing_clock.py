@@ -17,6 +17,7 @@ from moar_companion.mavlink.signing import (
     timestamp_at,
 )
 from moar_companion.service.signing_clock import SigningClock, load_signing
+from moar_companion.service.whole_file import WholeFile
 from moar_companion.settings.config import CompanionConfig, State
 from moar_companion.settings.link_config import KeySource, LinkConfig
 
@@ -139,23 +140,12 @@ def test_a_restart_is_not_a_minute_ahead_of_the_clocks_of_its_peers(config, tmp_
 
 def test_the_clock_file_is_written_every_few_seconds_and_not_more_often(tmp_path, monkeypatch):
     writes = []
-    monkeypatch.setattr(
-        "moar_companion.service.signing_clock.write_whole", lambda *written: writes.append(written)
-    )
+    monkeypatch.setattr(WholeFile, "put", lambda _, data: writes.append(data))
     clock = SigningClock(tmp_path)
     for second in range(61):
         clock.keep({URL: second * UNITS_PER_S}, {URL: 0})
-        clock._writer.close()
-        clock = _again(clock, tmp_path)
     clock.close()
     assert len(writes) == 16
-
-
-def _again(clock, folder):
-    """The same clock with a new thread: each is waited for."""
-    other = SigningClock(folder)
-    other._saved = clock._saved
-    return other
 
 
 def test_the_time_stamp_of_a_peer_far_ahead_is_stored_at_once(config, tmp_path):

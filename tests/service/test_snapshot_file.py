@@ -13,7 +13,7 @@ import pytest
 
 from moar_companion.companion.mission.state_machine import MissionState, Task
 from moar_companion.companion.mission_snapshot import MissionSnapshot
-from moar_companion.service import background_writer, snapshot_file
+from moar_companion.service import background_writer, whole_file
 from moar_companion.service.snapshot_file import SnapshotFile, decoded, encoded
 from moar_companion.types import Mission
 
@@ -107,14 +107,14 @@ class Killed(BaseException):
     ("moment", "where", "found"),
     [
         ("before the new file is on the disk", (os, "fsync"), IDLE),
-        ("before it is renamed", (snapshot_file.Path, "replace"), IDLE),
-        ("before the renaming is on the disk", (snapshot_file, "_sync"), FLYING),
+        ("before it is renamed", (whole_file.Path, "replace"), IDLE),
+        ("before the renaming is on the disk", (whole_file, "_sync"), FLYING),
     ],
 )
 def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
     moment, where, found, file, tmp_path, monkeypatch
 ):
-    file._write(encoded(IDLE, 0.0))
+    file._file.write(encoded(IDLE, 0.0))
 
     def die(*_):
         raise Killed
@@ -122,14 +122,14 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
     with monkeypatch.context() as patch:
         patch.setattr(*where, die)
         with pytest.raises(Killed):
-            file._write(encoded(FLYING, 0.0))
+            file._file.write(encoded(FLYING, 0.0))
     assert written(tmp_path) == found
 
 
 def test_a_full_disk_is_reported_once_and_the_outdated_file_is_removed(
     file, tmp_path, monkeypatch, caplog
 ):
-    file._write(encoded(FLYING, 0.0))
+    file._file.write(encoded(FLYING, 0.0))
 
     def full(_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -137,11 +137,11 @@ def test_a_full_disk_is_reported_once_and_the_outdated_file_is_removed(
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", full)
         for _ in range(3):
-            file._write(encoded(HOLDING, 0.0))
+            file._file.write(encoded(HOLDING, 0.0))
     reported = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
     assert reported == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
     assert list((tmp_path / "state").iterdir()) == []
-    file._write(encoded(HOLDING, 0.0))
+    file._file.write(encoded(HOLDING, 0.0))
     assert written(tmp_path) == HOLDING
 
 
@@ -174,10 +174,10 @@ def test_a_last_write_that_takes_too_long_leaves_no_outdated_state(
 def test_a_state_that_cannot_be_written_is_a_fault_until_it_is_written_again(file, tmp_path):
     assert reasons(file) == []
     (tmp_path / "state").rename(tmp_path / "elsewhere")
-    file._write(encoded(FLYING, 0.0))
+    file._file.write(encoded(FLYING, 0.0))
     assert reasons(file) == ["no state file: folder gone, restart goes idle"]
     (tmp_path / "elsewhere").rename(tmp_path / "state")
-    file._write(encoded(FLYING, 0.0))
+    file._file.write(encoded(FLYING, 0.0))
     assert reasons(file) == []
 
 
@@ -185,15 +185,15 @@ def test_a_folder_that_has_become_read_only_is_a_fault(file, monkeypatch):
     def read_only(*_):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    monkeypatch.setattr(snapshot_file.Path, "open", read_only)
-    file._write(encoded(FLYING, 0.0))
+    monkeypatch.setattr(whole_file.Path, "open", read_only)
+    file._file.write(encoded(FLYING, 0.0))
     assert reasons(file) == ["no state file: read-only, restart goes idle"]
 
 
 def test_a_file_of_the_start_that_is_unusable_remains_a_fault(file, tmp_path):
     (tmp_path / "state" / "mission.json").write_bytes(b"{")
     file.load(0.0)
-    file._write(encoded(FLYING, 0.0))
+    file._file.write(encoded(FLYING, 0.0))
     assert reasons(file) == ["state file unusable, starting idle"]
 
 

@@ -8,8 +8,7 @@ import os
 
 import pytest
 
-from moar_companion.service.parameter_file import ParameterFile
-from moar_companion.service.stored_parameters import start_settings
+from moar_companion.service.stored_parameters import ParameterFile, start_settings
 from moar_companion.settings.config import CompanionConfig, State, shipped_configs
 from moar_companion.settings.vehicle import Vehicle, VehicleFile
 
