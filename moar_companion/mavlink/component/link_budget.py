@@ -8,10 +8,14 @@ plot (bytes: configs/guides/links.md).
 
 from __future__ import annotations
 
+import math
+
 from ..dialect import Message, mavlink
 from ..urls import line_bytes_per_s
 
 _SHARE = 1 / 4
+_SETPOINT_BYTES = 78
+"""Largest packet of a setpoint: SET_POSITION_TARGET_LOCAL_NED, signed."""
 _NETWORK_BYTES_PER_S = 20_000.0
 """Budget of UDP and TCP, whose rate is unknown: for eight peers some hundredths of a Wi-Fi link. A
 file of 20 kB takes a second."""
@@ -34,6 +38,12 @@ _PACKER = mavlink.MAVLink(None)
 def size_bytes(message: Message) -> int:
     """Size of a message's packet, signed, without the zeros at its end, which MAVLink 2 cuts."""
     return len(message.pack(_PACKER)) + _SIGNATURE_BYTES
+
+
+def fastest_setpoints_hz(link: str) -> float:
+    """Greatest rate of setpoints that leaves a line its budget; infinite for all other links."""
+    line = line_bytes_per_s(link)
+    return math.inf if line is None else line * (1.0 - _SHARE) / _SETPOINT_BYTES
 
 
 class LinkBudget:

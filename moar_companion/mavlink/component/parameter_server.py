@@ -16,11 +16,12 @@ import enum
 import math
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ...settings.flight_parameters import FlightParameters, ParameterError, flight_parameters
+from ...settings.link_config import LinkRole
 from ...types import AutopilotKind
 from ..autopilots import profile
 from ..commands import Sender
@@ -28,6 +29,7 @@ from ..dialect import Message, create, mavlink
 from ..parameters import PAYLOAD_STARTS, parameter_value
 from ..rate_limits import SenderLimit
 from .component_service import Asker
+from .link_budget import fastest_setpoints_hz
 
 _LIST = int(mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST)
 _READ = int(mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ)
@@ -54,6 +56,7 @@ _EXT_FORMATS = {
 _EXT_VALUE_AT = 18
 """Start of param_value in the payload of PARAM_EXT_SET."""
 _ID_BYTES = 16
+_RATE = "SETPOINT_RATE"
 _EXT_VALUE_BYTES = 128
 _MOST_WAITING = 64
 """Limit of values that wait to be set; a ground station repeats what gets no answer."""
@@ -121,7 +124,7 @@ class _Packet(NamedTuple):
 class ParameterServer:
     """Answers requests, and keeps the present values.
 
-    links: of the companion. autopilot: returns the kind of the autopilot, None if unknown.
+    links: name and role of each. autopilot: returns the kind of the autopilot, None if unknown.
     """
 
     MESSAGE_IDS = frozenset({_LIST, _READ, _SET, _EXT_LIST, _EXT_READ, _EXT_SET})
@@ -129,7 +132,7 @@ class ParameterServer:
     def __init__(
         self,
         parameters: FlightParameters,
-        links: Iterable[str],
+        links: Mapping[str, LinkRole],
         autopilot: Callable[[], AutopilotKind | None],
     ) -> None:
         self.parameters = parameters
@@ -137,6 +140,9 @@ class ParameterServer:
         self._rows = tuple(flight_parameters().values())
         self._indices = {row.name: index for index, row in enumerate(self._rows)}
         self._autopilot = autopilot
+        to_autopilot = (link for link, role in links.items() if role is not LinkRole.OPERATOR)
+        self._fastest_hz = min(map(fastest_setpoints_hz, to_autopilot), default=math.inf)
+        """Greatest rate of setpoints that all lines to the autopilot carry."""
         self._listed: dict[str, dict[tuple[int, bool], None]] = {link: {} for link in links}
         """Values to send, by link: index, and True for the extended protocol; in order, once."""
         self._waiting: dict[str, deque[_Setting]] = {link: deque() for link in self._listed}
@@ -239,6 +245,7 @@ class ParameterServer:
             error = _Error.PERMISSION_DENIED
         else:
             try:
+                self._check_rate(name, value)
                 self.parameters = self.parameters.with_value(name, value)
             except ParameterError as refused:
                 error, reason = _Error.VALUE_OUT_OF_RANGE, str(refused)
@@ -257,6 +264,15 @@ class ParameterServer:
             return [self._acknowledgement(index, results.get(error, _FAILED))]
         answers = [] if error is None else [_error_message(asker, name, -1, error)]
         return [*answers, self._value(index, extended=False)]
+
+    def _check_rate(self, name: str, value: float) -> None:
+        """Raises ParameterError for a rate of setpoints that a line does not carry.
+
+        One that is no greater than the present one is permitted.
+        """
+        if name == _RATE and value > max(self._fastest_hz, self.parameters.value(_RATE)):
+            fastest = f"the line carries {math.floor(self._fastest_hz)}"
+            raise ParameterError(f"{_RATE} is {value:g}, {fastest}")
 
     def _value(self, index: int, *, extended: bool) -> Message:
         """PARAM_VALUE, or PARAM_EXT_VALUE, of a parameter."""

@@ -30,14 +30,15 @@ PARAMETERS = FlightParameters.of(VehicleFile.load(_X500), CompanionConfig(vehicl
 NAMES = list(flight_parameters())
 LINK, OTHER = "udp:127.0.0.1:14540", "udp:127.0.0.1:14550"
 SENDER = Sender(link=LINK, system_id=255, component_id=190)
+LINKS = dict.fromkeys((LINK, OTHER), LinkRole.AUTOPILOT)
 REAL32, REAL64, INT32 = 9, 10, 6
 
 
 class Station:
     """A ground station beside the server, whose packets keep their numbers."""
 
-    def __init__(self, kind="px4", objection=None, sender=SENDER):
-        self.server = ParameterServer(PARAMETERS, [LINK, OTHER], lambda: kind)
+    def __init__(self, kind="px4", objection=None, sender=SENDER, links=LINKS):
+        self.server = ParameterServer(PARAMETERS, links, lambda: kind)
         self.codec = Codec(system_id=sender.system_id, component_id=sender.component_id)
         self.asker = Asker(sender=sender, objection=objection, on_board=False)
         self.now_s = 0.0
@@ -329,3 +330,27 @@ def test_on_a_bad_link_a_list_is_complete_and_each_value_set_once():
     assert sorted(known) == sorted(NAMES)
     assert [(event.name, event.value) for event in set_events] == [("LIM_WIND", 9.0)]
     assert known["LIM_WIND"] == 9.0
+
+
+@pytest.mark.parametrize(
+    ("baud", "role", "fastest_hz"),
+    [
+        (57600, LinkRole.AUTOPILOT, 55),
+        (38400, LinkRole.AUTOPILOT, 50),  # of the file: it may be set again, or lowered
+        (9600, LinkRole.OPERATOR, 100),
+        (921600, LinkRole.AUTOPILOT, 100),
+    ],
+)
+def test_setpoints_are_set_no_faster_than_the_line_to_the_autopilot_carries(baud, role, fastest_hz):
+    station = Station(links=LINKS | {f"serial:/dev/ttyTHS1:{baud}": role})
+    for rate_hz in range(50, 102):
+        station.set("SETPOINT_RATE", rate_hz)
+    assert station.server.parameters.value("SETPOINT_RATE") == fastest_hz
+
+
+def test_a_rate_that_the_line_does_not_carry_is_told_with_what_it_carries():
+    station = Station(links=LINKS | {"serial:/dev/ttyTHS1:57600": LinkRole.AUTOPILOT})
+    error, stays = station.set("SETPOINT_RATE", 100.0)
+    assert (error.get_type(), error.error, stays.param_value) == ("PARAM_ERROR", 2, 50.0)
+    (event,) = station.server.events_received()
+    assert event.reason == "SETPOINT_RATE is 100, the line carries 55"
