@@ -26,7 +26,7 @@ from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
 from .legs import leg_clearances
 from .maps import Maps
 from .plane_fence import PlaneFence
-from .regions import obstacle_clearance_m
+from .regions import legs_above_ground, obstacle_clearance_m
 from .site import PlanePoint, Site
 
 Rings = tuple[FloatArray, IntArray, FloatArray, FloatArray]
@@ -83,7 +83,7 @@ def escape_leg(
     least_m = np.minimum(whole_m, at_start_m)
     centres = _centres_m(maps, ~maps.occupied, barred)
     near = centres[np.hypot(*(centres - start).T) <= _REACH_M]
-    for end_m in _ends_m(obstacles, least_m, near, start):
+    for end_m in _ends_m(site, obstacles, least_m, near, start):
         places_m = _samples(maps, start, end_m)
         clearance = obstacle_clearance_m(site, places_m)
         # Infinite without obstacles: then no clearance decreases.
@@ -124,13 +124,13 @@ def recovery_leg(
 
     def end_from(from_m: FloatArray) -> PlanePoint | None:
         """The nearest centre to which a leg from a place (2,) is free."""
-        for end_m in _ends_m(obstacles, least_m, centres, from_m):
+        for end_m in _ends_m(site, obstacles, least_m, centres, from_m):
             if _stays_inside(fence, _samples(maps, from_m, end_m)):
                 return _point(end_m)
         return None
 
     above = _above(site, maps, start) if _is_low(site, start_m) else None
-    if above is not None and _kept(obstacles, least_m, above[None], start)[0]:
+    if above is not None and _kept(site, obstacles, least_m, above[None], start)[0]:
         end_m = end_from(above)
         if end_m is not None and _stays_inside(fence, _samples(maps, start, above)):
             corner_m = _point(above)
@@ -166,7 +166,7 @@ def refuge_leg(
     order = order[far_m[order] <= min(longest_m, _REFUGE_M)]
     for begin in range(0, len(order), _BATCH):
         batch_m = centres[order[begin : begin + _BATCH]]
-        for end_m in batch_m[_kept(obstacles, least_m, batch_m, start)]:
+        for end_m in batch_m[_kept(site, obstacles, least_m, batch_m, start)]:
             if _stays_inside(maps.fence, _samples(maps, start, end_m)):
                 return _point(end_m)
     return None
@@ -197,43 +197,45 @@ def _clear_m(obstacles: Rings, ends_m: FloatArray, from_m: FloatArray) -> FloatA
 
 
 def _kept(
-    obstacles: Rings, least_m: FloatArray, ends_m: FloatArray, from_m: FloatArray
+    site: Site, obstacles: Rings, least_m: FloatArray, ends_m: FloatArray, from_m: FloatArray
 ) -> BoolArray:
-    """The legs from a place (2,) to ends (n, 2) that keep distances (obstacles,): (n,)."""
+    """The legs from a place (2,) to ends (n, 2) that keep distances (obstacles,): (n,).
+
+    And that keep off the ground.
+    """
     clear_m = _clear_m(obstacles, ends_m, from_m)
-    return np.asarray((clear_m >= least_m - TOLERANCE).all(axis=1))
+    kept = (clear_m >= least_m - TOLERANCE).all(axis=1)
+    return np.asarray(kept & legs_above_ground(site, ends_m, from_m))
 
 
 def _ends_m(
-    obstacles: Rings, least_m: FloatArray, ends_m: FloatArray, from_m: FloatArray
+    site: Site, obstacles: Rings, least_m: FloatArray, ends_m: FloatArray, from_m: FloatArray
 ) -> Iterator[FloatArray]:
     """The ends of these legs that keep their distances, the nearest first."""
     nearest = np.argsort(np.hypot(*(ends_m - from_m).T), kind="stable")
     for begin in range(0, len(nearest), _BATCH):
         batch_m = ends_m[nearest[begin : begin + _BATCH]]
-        yield from batch_m[_kept(obstacles, least_m, batch_m, from_m)]
+        yield from batch_m[_kept(site, obstacles, least_m, batch_m, from_m)]
 
 
-def _lowest_m(site: Site) -> float:
-    """Lowest height at which paths are planned."""
-    lower_m, low_m = site.workspace.lower_m[1], site.workspace.min_altitude_m
-    return lower_m if low_m is None else max(lower_m, low_m)
+def _lowest_m(site: Site, x_m: float) -> float:
+    """Lowest height at which paths are planned at x."""
+    return max(site.workspace.lower_m[1], float(site.workspace.floor_m(x_m)))
 
 
 def _is_low(site: Site, start_m: PlanePoint) -> bool:
     """Returns True if a place is below the minimum altitude, or the workspace."""
-    return start_m[1] < _lowest_m(site) - TOLERANCE
+    return start_m[1] < _lowest_m(site, start_m[0]) - TOLERANCE
 
 
 def _above(site: Site, maps: Maps, start_m: FloatArray) -> FloatArray | None:
     """The lowest permitted place (2,) above a low one, in its column's centre; None for none."""
     grid = maps.grid
-    x_m, z_m = grid.axes_m
-    rows = np.flatnonzero(z_m >= _lowest_m(site) - TOLERANCE)
-    if not len(rows):
-        return None
-    cell = grid.cell_of((float(start_m[0]), float(z_m[rows[0]])))
-    return np.array([start_m[0] if cell is None else x_m[cell[0]], z_m[rows[0]]])
+    z_m, at_m = grid.axes_m[1], float(start_m[0])
+    cell = grid.cell_of((at_m, float(z_m[0])))
+    at_m = at_m if cell is None else float(grid.axes_m[0][cell[0]])
+    rows = np.flatnonzero(z_m >= _lowest_m(site, at_m) - TOLERANCE)
+    return np.array([at_m, z_m[rows[0]]]) if len(rows) else None
 
 
 def _centres_m(maps: Maps, cells: BoolArray, barred: BoolArray | None) -> FloatArray:

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from . import ground_profile
 from .clearances import Clearances
 from .geometry import obstacle_distance_m, rings
 from .grid import TOLERANCE, BoolArray, FloatArray, Grid, IntArray
 from .jit import F8, U1, jit, read, written
-from .site import PlanePoint, Site
+from .site import GROUND, PlanePoint, Site
 
 
 @jit(written(F8), read(U1, 2), read(F8, 2), read(F8, 2), F8)
@@ -67,12 +68,15 @@ class FreeDistance:
     """Cells blocked by obstacles, in the workspace and as far around it as obstacles stand.
 
     Two are equal that block the same cells for the same obstacles, even from different maps.
-    blocked: (nx, nz), 1 where the hull would be nearer to an obstacle than is allowed.
+    blocked: (nx, nz), 1 where the hull would be nearer to an obstacle than is allowed. ground: the
+    same for a ground with a profile, up to the minimum altitude: a descent by the autopilot itself
+    ends above these cells, any other path of its own hits the ground there. None: level ground.
     """
 
     grid: Grid
     blocked: npt.NDArray[np.uint8]
     clearances: Clearances
+    ground: npt.NDArray[np.uint8] | None = None
 
     @classmethod
     def over(
@@ -91,7 +95,15 @@ class FreeDistance:
         clearances = Clearances.over(_grid(site, widened_m), site.obstacles, *known)
         blocked = (clearances.room_m < widened_m - TOLERANCE).view(np.uint8)
         blocked.flags.writeable = False
-        return cls(grid=clearances.grid, blocked=blocked, clearances=clearances)
+        grid, space, ground = clearances.grid, site.workspace, None
+        if space.ground_m:
+            x_m, z_m = grid.axes_m
+            # No place of a plan is as near to it.
+            near_m = min(widened_m + site.margin.total_m, space.min_altitude_m or 0.0)
+            floor_m = ground_profile.floor_m(space.ground_m, near_m, x_m)
+            ground = (z_m[None, :] < floor_m[:, None] - TOLERANCE).view(np.uint8)
+            ground.flags.writeable = False
+        return cls(grid=grid, blocked=blocked, clearances=clearances, ground=ground)
 
     def __eq__(self, other: object) -> bool:
         return self is other or (
@@ -99,6 +111,7 @@ class FreeDistance:
             and self.grid == other.grid
             and self.clearances.obstacles == other.clearances.obstacles
             and np.array_equal(self.blocked, other.blocked)
+            and np.array_equal(self.ground, other.ground)  # type: ignore[arg-type] # None, too
         )
 
     def __hash__(self) -> int:
@@ -119,6 +132,26 @@ class FreeDistance:
         )
         return free
 
+    def over_ground_m(
+        self, places_m: FloatArray, directions: FloatArray, farthest_m: float
+    ) -> FloatArray:
+        """As `free_m`, of the ground: 0 in its cells for a direction that does not lead up."""
+        if self.ground is None:
+            return np.full(len(places_m), farthest_m)
+        over = FreeDistance(grid=self.grid, blocked=self.ground, clearances=self.clearances)
+        free_m = over.free_m(places_m, directions, farthest_m)
+        inside = self.ground[self._cells(places_m)].view(np.bool_)
+        free_m[inside & (directions[:, 1] <= 0.0)] = 0.0
+        return free_m
+
+    def descent_end_m(self, x_m: FloatArray) -> FloatArray:
+        """Heights (n,) at which descents at x (n,) end: above the ground, or the grid's border."""
+        ends_m = np.full(len(x_m), self.grid.lower_m[1])
+        if self.ground is not None:
+            columns, _ = self._cells(np.stack([x_m, ends_m], axis=1))
+            ends_m += self.ground.sum(axis=1)[columns] * self.grid.resolution_m
+        return ends_m
+
     def leads_inwards(self, places_m: FloatArray, directions: FloatArray) -> BoolArray:
         """Mask (n,) of places (n, 2) in a keep-out, with directions (n, 2) not farther out."""
         here = self._cells(places_m)
@@ -136,8 +169,10 @@ class FreeDistance:
         return x, z
 
     def nearest(self, place_m: PlanePoint) -> str:
-        """Name of the obstacle with the keep-out nearest to a place."""
+        """Name of the obstacle with the keep-out nearest to a place; of the ground in its cells."""
         place = np.array([place_m])
+        if self.ground is not None and self.ground[self._cells(place)][0]:
+            return GROUND
         return min(
             self.clearances.obstacles,
             key=lambda item: float(obstacle_distance_m(item, place)[0]) - item.keep_out_m,
@@ -151,6 +186,8 @@ def _grid(site: Site, widened_m: float) -> Grid:
     cell_m = space.resolution_m
     vertices, first, radius_m, keep_out_m = rings(site.obstacles)
     around_m = np.repeat(widened_m + radius_m + keep_out_m, np.diff(first))
+    profile = np.array(space.ground_m).reshape(-1, 2)
+    vertices, around_m = np.concatenate([vertices, profile]), np.pad(around_m, (0, len(profile)))
     lower_m, shape = [], []
     for axis, (low, high) in enumerate(zip(inner.lower_m, inner.upper_m, strict=True)):
         beyond = low - (vertices[:, axis] - around_m).min(initial=low)

@@ -73,8 +73,7 @@ def build_maps(
     obstacle = clearances.distance_m
     room = clearances.room_m - (vehicle.radius_m + position_uncertainty_m)
     occupied = room < -TOLERANCE
-    if space.min_altitude_m is not None:
-        occupied[:, z_m < space.min_altitude_m - TOLERANCE] = True
+    occupied |= too_low(site, grid)
     if fence is not None:
         centres_m = np.stack(np.meshgrid(x_m, z_m, indexing="ij"), axis=-1).reshape(-1, 2)
         occupied[~fence.holds(centres_m).reshape(occupied.shape)] = True
@@ -118,6 +117,12 @@ def build_maps(
         if isinstance(array, np.ndarray):
             array.flags.writeable = False
     return maps
+
+
+def too_low(site: Site, grid: Grid) -> BoolArray:
+    """Mask (nx, nz) of the cells whose centre is below the minimum altitude."""
+    x_m, z_m = grid.axes_m
+    return np.asarray(z_m[None, :] < site.workspace.floor_m(x_m)[:, None] - TOLERANCE)
 
 
 def with_exposed(maps: Maps, exposed: BoolArray, shape: SafetyShape) -> Maps:

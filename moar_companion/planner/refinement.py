@@ -192,11 +192,15 @@ class Refiner:
     def __init__(self, site: Site, vehicle: Vehicle, maps: Maps) -> None:
         self.continuous = ContinuousCost.on(maps, vehicle.speed)
         self._site, self._vehicle, self._grid = site, vehicle, maps.grid
-        self._vertices_m, self._first, radius_m, keep_out_m = rings(site.obstacles)
+        self._vertices_m, self._first, radius_m, keep_out_m = rings(site.barriers)
         self._keep_m = radius_m + keep_out_m + vehicle.radius_m + maps.position_uncertainty_m
+        if site.ground is not None:
+            self._keep_m[-1] = site.ground.keep_out_m
         for array in (self._vertices_m, self._first):
             array.flags.writeable = False
-        lowest_m = site.workspace.min_altitude_m
+        space = site.workspace
+        # Above a profile the ground is one more outline, from which the path keeps away.
+        lowest_m = None if space.ground_m else space.min_altitude_m
         self._lowest_m = -math.inf if lowest_m is None else lowest_m - TOLERANCE
 
     def refine(self, plan: Plan, goal: GoalRegion | None) -> Refinement:

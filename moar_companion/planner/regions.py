@@ -19,12 +19,14 @@ from ..settings.vehicle import Vehicle
 from ..types import Mission
 from . import geometry
 from .graph import elevation_speed_mps
-from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
+from .grid import TOLERANCE, BoolArray, FloatArray, Grid, IntArray
 from .legs import leg_clearances
-from .maps import Maps, speed_limit_mps
+from .maps import Maps, speed_limit_mps, too_low
 from .site import PlanePoint, Site
 
 Cell = tuple[int, int]
+_SAMPLES_PER_CELL = 4
+"""Samples of a landing leg per cell of its length, by which it enters flyable cells."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,29 +181,34 @@ def _visible_cells(
     """
     grid = maps.grid
     above = np.array([landing_m[0], landing_m[1] + vehicle.guidance.landing_height_m])
-    lowest_row = _lowest_row(site, maps)
+    low = too_low(site, grid)
     nowhere = np.empty((0, 2), dtype=np.int64), np.empty((0, 3, 2))
-    if lowest_row is None:
+    if low.all():
         return nowhere
     half = 0.5 * grid.resolution_m
-    lower = np.array([grid.lower_m[0], grid.axes_m[1][lowest_row] - half])
-    upper = np.array(grid.upper_m)
     end = np.array(landing_m)
+    lower = np.array([grid.lower_m[0], _lower_border_m(grid, low, landing_m[0])])
+    upper = np.array(grid.upper_m)
     if (end > lower + TOLERANCE).all() and (end < upper - TOLERANCE).all():
         cell = grid.cell_of(landing_m)
         if cell is None or maps.occupied[cell]:
             return nowhere
         leg = np.stack([grid.centre_m(cell), above])
         clear = _legs_clear(site, vehicle, maps, leg[:1], above).all()
+        clear &= legs_above_ground(site, leg[:1], above)[0]
         if maps.fence is not None:
             clear &= maps.fence.holds_legs(leg[:1], above)[0]
         return (np.array([cell]), leg[None]) if clear else nowhere
-    cells, edges = _border(grid.shape, lowest_row)
+    cells, edges = _border(low)
     free = ~maps.occupied[cells[:, 0], cells[:, 1]]
     cells, edges = cells[free], edges[free]
     centres = np.array(grid.lower_m) + (cells + 0.5) * grid.resolution_m
     midpoints = centres + edges * half
-    seen = ~geometry.legs_enter_rectangle(midpoints, end, lower, upper)
+    if site.ground is None:
+        seen = ~geometry.legs_enter_rectangle(midpoints, end, lower, upper)
+    else:
+        seen = ~_legs_enter(grid, ~low, midpoints, end)
+        seen &= legs_above_ground(site, midpoints, above)
     for leg_end in (end, above):
         seen &= _legs_clear(site, vehicle, maps, midpoints, leg_end)
     seen &= _legs_clear(site, vehicle, maps, above[None, :], end)
@@ -222,22 +229,62 @@ def _legs_clear(
     return np.asarray((clearance >= widened_m + keep_out_m).all(axis=1))
 
 
-def _lowest_row(site: Site, maps: Maps) -> int | None:
-    """The first row of the flyable rectangle; None if all are below the minimum altitude."""
-    if site.workspace.min_altitude_m is None:
-        return 0
-    flyable = np.flatnonzero(maps.grid.axes_m[1] >= site.workspace.min_altitude_m - TOLERANCE)
-    return int(flyable[0]) if len(flyable) else None
+def legs_above_ground(site: Site, starts_m: FloatArray, end_m: FloatArray) -> BoolArray:
+    """Mask (n,) of straight legs from starts (n, 2) to an end (2,) that keep off the ground.
+
+    They come no nearer to it than the minimum altitude, or than the nearer one of their ends, which
+    may be low; none leads through it. Without a profile all legs do.
+    """
+    ground, profile_m = site.ground, site.workspace.ground_m
+    if ground is None:
+        return np.ones(len(starts_m), dtype=np.bool_)
+    vertices_m, first, radius_m, keep_out_m = geometry.rings((ground,))
+    clear_m = leg_clearances(starts_m, end_m, vertices_m, first, radius_m)[:, 0]
+    ends_m = np.minimum(
+        geometry.obstacle_distance_m(ground, starts_m), geometry.obstacle_distance_m(ground, end_m)
+    )
+    kept = clear_m >= np.minimum(keep_out_m[0], ends_m) - TOLERANCE
+    # An end on the ground is at distance 0, as is a leg inside: the leg is above each point of it.
+    x_m, z_m = np.array(profile_m, dtype=np.float64).T
+    along_m = end_m[0] - starts_m[:, :1]
+    part = (x_m - starts_m[:, :1]) / np.where(along_m == 0.0, np.inf, along_m)
+    under = (part > 0.0) & (part < 1.0)
+    above = starts_m[:, 1:] + part * (end_m[1] - starts_m[:, 1:]) - z_m >= -TOLERANCE
+    return np.asarray(kept & (above | ~under).all(axis=1))
 
 
-def _border(shape: tuple[int, ...], lowest_row: int) -> tuple[IntArray, IntArray]:
-    """Border cells (n, 2) of the flyable rectangle and the outward direction of an edge of each."""
-    columns, rows = np.arange(shape[0]), np.arange(lowest_row, shape[1])
+def _legs_enter(grid: Grid, cells: BoolArray, starts_m: FloatArray, end_m: FloatArray) -> BoolArray:
+    """Mask (n,) of straight legs from starts (n, 2) to an end (2,) that enter cells (nx, nz)."""
+    along_m = end_m - starts_m
+    longest_m = float(np.hypot(*along_m.T).max(initial=0.0))
+    count = 1 + math.ceil(longest_m / grid.resolution_m * _SAMPLES_PER_CELL)
+    part = (np.arange(count) + 0.5) / count
+    at = starts_m[:, None] + part[:, None] * along_m[:, None]
+    indices = np.floor((at - np.array(grid.lower_m)) / grid.resolution_m).astype(np.int64)
+    inside = ((indices >= 0) & (indices < grid.shape)).all(axis=2)
+    x, z = np.where(inside[..., None], indices, 0).transpose(2, 0, 1)
+    return np.asarray((inside & cells[x, z]).any(axis=1))
+
+
+def _lower_border_m(grid: Grid, low: BoolArray, x_m: float) -> float:
+    """Height of the lower border of the flyable cells at x; of those of the nearest column."""
+    columns = np.flatnonzero(~low.all(axis=1))
+    column = columns[np.abs(grid.axes_m[0][columns] - x_m).argmin()]
+    return float(grid.axes_m[1][low[column].argmin()] - 0.5 * grid.resolution_m)
+
+
+def _border(low: BoolArray) -> tuple[IntArray, IntArray]:
+    """Border cells (n, 2) of the flyable cells and the outward direction of an edge of each.
+
+    low: mask (nx, nz) of the cells below them.
+    """
+    columns, left = np.flatnonzero(~low.all(axis=1)), np.flatnonzero(~low[0])
+    right, (last, top) = np.flatnonzero(~low[-1]), np.array(low.shape) - 1
     sides = [
-        (columns, np.full_like(columns, lowest_row), (0, -1)),
-        (columns, np.full_like(columns, shape[1] - 1), (0, 1)),
-        (np.zeros_like(rows), rows, (-1, 0)),
-        (np.full_like(rows, shape[0] - 1), rows, (1, 0)),
+        (columns, low[columns].argmin(axis=1), (0, -1)),
+        (columns, np.full_like(columns, top), (0, 1)),
+        (np.zeros_like(left), left, (-1, 0)),
+        (np.full_like(right, last), right, (1, 0)),
     ]
     cells = np.concatenate([np.stack([x, z], axis=1) for x, z, _ in sides])
     edges = np.concatenate([np.tile(edge, (len(x), 1)) for x, _, edge in sides])

@@ -23,6 +23,7 @@ from ..settings import yaml_file
 from ..settings.yaml_file import FileFinding
 from ..settings.yaml_schema import Coordinate, FileModel, Interval, Length, Name, PositiveLength
 from ..types import GeodeticPoint, Mission
+from . import ground_profile
 from .site_frame import SiteFrame
 
 PlanePoint = tuple[float, float]
@@ -35,19 +36,42 @@ MAX_CELLS = 4_000_000
 """Most cells of a plane: limits the memory of the precomputed maps on a companion computer."""
 _COUNTLESS = 1e18
 """Keeps the number of cells of a resolution near zero an integer."""
+GROUND = "ground"
+"""Name of the ground in texts, as that of an obstacle."""
 MAX_VERTICES = 2_000
 """Vertices of one polygon: its outline is checked pair by pair."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
-    """The rectangle of plans: lower and upper corner, cell size, least altitude."""
+    """The rectangle of plans: lower and upper corner, cell size, least altitude, ground."""
 
     lower_m: PlanePoint
     upper_m: PlanePoint
     resolution_m: float
     min_altitude_m: float | None = None
-    """Least z of planned paths."""
+    """Least height of planned paths above the ground; None: the workspace alone limits them."""
+    ground_m: tuple[PlanePoint, ...] = ()
+    """Profile of the ground, x rising, all along the workspace; empty: level, at z = 0."""
+
+    def floor_m(self, x_m: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Least z of planned paths at x (...); -inf without a minimum altitude.
+
+        Above a profile it keeps the minimum altitude to the side, too.
+        """
+        if self.min_altitude_m is None:
+            return np.full(np.shape(x_m), -np.inf)
+        if not self.ground_m:
+            return np.full(np.shape(x_m), self.min_altitude_m)
+        return ground_profile.floor_m(self.ground_m, self.min_altitude_m, x_m)
+
+    def floor_at_m(self, x_m: float) -> float | None:
+        """Least z of planned paths at one x; None without a minimum altitude."""
+        return None if self.min_altitude_m is None else float(self.floor_m(x_m))
+
+    def ground_at_m(self, x_m: float) -> float:
+        """Height of the ground at one x."""
+        return float(ground_profile.height_m(self.ground_m, x_m)) if self.ground_m else 0.0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -226,6 +250,21 @@ class Site:
         """Names of the places of one target, in file order."""
         return tuple(item.name for item in self.targets if item.target_name == name)
 
+    @property
+    def ground(self) -> Polygon | None:
+        """The ground as a filled shape, where it has a profile; its keep-out: minimum altitude."""
+        space = self.workspace
+        if not space.ground_m or space.min_altitude_m is None:
+            return None
+        outline_m = ground_profile.outline_m(space.ground_m)
+        return Polygon(name=GROUND, vertices_m=outline_m, keep_out_m=space.min_altitude_m)
+
+    @property
+    def barriers(self) -> tuple[Obstacle, ...]:
+        """Its obstacles, and the ground as the last where it has a profile."""
+        ground = self.ground
+        return self.obstacles if ground is None else (*self.obstacles, ground)
+
     def target(self, name: str | int | None) -> Target:
         """The place of this name; of a target with views the first. None: the site's first.
 
@@ -299,6 +338,7 @@ class Site:
                 upper_m=(workspace.x_m[1], workspace.z_m[1]),
                 resolution_m=workspace.resolution_m,
                 min_altitude_m=workspace.min_altitude_m,
+                ground_m=tuple((x_m, z_m) for x_m, z_m in file.ground or ()),
             ),
             obstacles=obstacles,
             start_m=file.start.position_m,
@@ -380,7 +420,8 @@ class _WorkspaceFile(FileModel):
     resolution_m: PositiveLength
     """Edge of a cell: 4,000,000 cells at most."""
     min_altitude_m: Coordinate | None = None
-    """Least z of a plan; none: the lower edge of the workspace."""
+    """Least height of a plan above the ground: above z = 0, or above the profile `ground`, to the
+    side of it, too; none: the lower edge of the workspace."""
 
 
 class _ConductorFile(FileModel):
@@ -559,6 +600,10 @@ class SiteFile(FileModel):
     """Name of the site, for texts."""
     frame: _FrameFile
     workspace: _WorkspaceFile
+    ground: Annotated[list[Interval], Field(min_length=2, max_length=MAX_VERTICES)] | None = None
+    """Ground that is not flat: points `[x, z]` of its profile in the plane, x rising, from end to
+    end of the workspace; beyond them it goes on level. It needs `workspace.min_altitude_m`, which
+    is kept above it. None: level, at z = 0."""
     obstacles: list[_ObstacleFile]
     """Obstacles, each one `conductor` or one `polygon`; `[]` for none."""
     start: _PointFile
@@ -576,6 +621,7 @@ def site_document(text: str, source: str) -> dict[str, Any]:
 
 def _findings(file: SiteFile) -> Iterator[FileFinding]:
     yield from _workspace_findings(file.workspace)
+    yield from _ground_findings(file)
     yield from _obstacle_findings(file.obstacles)
     conductors = [entry.conductor.name for entry in file.obstacles if entry.conductor]
     for name, target in file.targets.items():
@@ -611,6 +657,24 @@ def _workspace_findings(workspace: _WorkspaceFile) -> Iterator[FileFinding]:
             f"is {workspace.resolution_m:g}, which makes {count:.7g} cells where {MAX_CELLS} are "
             f"allowed: must be at least {_rounded_up(enough_m):g}, or the workspace smaller",
         )
+
+
+def _ground_findings(file: SiteFile) -> Iterator[FileFinding]:
+    if file.ground is None:
+        return
+    if file.workspace.min_altitude_m is None:
+        problem = "is missing: the height that plans keep above the profile of `ground`"
+        yield FileFinding(("workspace", "min_altitude_m"), problem)
+    for index, ((before_m, _), (x_m, _)) in enumerate(itertools.pairwise(file.ground), 1):
+        if x_m <= before_m:
+            problem = f"has x {x_m:g} after {before_m:g}, x must rise"
+            yield FileFinding(("ground", index), problem)
+    (low_m, high_m), first_m, last_m = file.workspace.x_m, file.ground[0][0], file.ground[-1][0]
+    if first_m > low_m or last_m < high_m:
+        problem = (
+            f"reaches from x = {first_m:g} to {last_m:g}, must reach from {low_m:g} to {high_m:g}"
+        )
+        yield FileFinding(("ground",), problem)
 
 
 def _rounded_up(value: float) -> float:

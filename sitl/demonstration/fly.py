@@ -104,8 +104,8 @@ def _failed(message: str, status: int) -> int:
 def _height_m(site: Site) -> float:
     """The height of the take-off: of the site's start."""
     space = site.workspace
-    low_m = space.lower_m[1] if space.min_altitude_m is None else space.min_altitude_m
-    return max(site.start_m[1], max(low_m, space.lower_m[1]) + _ABOVE_M)
+    low_m = max(space.lower_m[1], float(space.floor_m(site.start_m[0])))
+    return max(site.start_m[1], low_m + _ABOVE_M)
 
 
 def _vehicle(settings: Settings, site: Site) -> Vehicle:

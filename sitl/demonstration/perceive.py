@@ -121,6 +121,7 @@ def given_document(site: Site) -> dict[str, Any]:
             "resolution_m": space.resolution_m,
             **({} if space.min_altitude_m is None else {"min_altitude_m": space.min_altitude_m}),
         },
+        **({"ground": [list(point_m) for point_m in space.ground_m]} if space.ground_m else {}),
         "obstacles": [],
         "start": _place(site.start_m),
         "targets": {

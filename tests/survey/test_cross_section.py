@@ -86,6 +86,22 @@ def test_a_tree_stands_on_the_ground_and_no_path_passes_below_its_crown(tmp_path
     assert min(z for each in trees for _, z in each.vertices_m) < 0.0
 
 
+def test_ground_that_is_not_even_becomes_a_profile_and_no_obstacle(tmp_path):
+    """The ground of the scene is lifted by 0.3 m for each metre across, as on a slope of 17 deg."""
+    scene = Scene(11).with_wires(DOUBLE_CIRCUIT).with_ground().with_tree(100.0, 12.0, 9.0)
+    lifted = scene.cloud + np.outer(0.3 * (scene.cloud[:, :2] @ scene.left), (0.0, 0.0, 1.0))
+    cloud = lifted - scene.place(100.0, -5.8, 0.0)
+    section = site_of_cloud(cloud, find_power_line(cloud), AT, None, SiteOptions())
+    site = loaded(section, tmp_path)
+    rising = math.copysign(0.3, site.workspace.ground_at_m(5.0) - site.workspace.ground_at_m(-5.0))
+    for x_m in range(-15, 16, 5):
+        assert site.workspace.ground_at_m(x_m) == pytest.approx(rising * x_m, abs=0.5)
+    assert len(site.workspace.ground_m) < 20
+    (tree,) = [each for each in site.obstacles if isinstance(each, Polygon)]
+    tree_m = max(z - site.workspace.ground_at_m(x) for x, z in tree.vertices_m)
+    assert tree_m == pytest.approx(9.0, abs=1.5)
+
+
 def test_a_tree_away_from_the_plane_is_not_in_it(tmp_path):
     scene = Scene(3).with_wires(DOUBLE_CIRCUIT).with_ground().with_tree(120.0, 12.0, 9.0)
     assert not [o for o in loaded(survey(scene), tmp_path).obstacles if isinstance(o, Polygon)]

@@ -16,8 +16,8 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.patches import Polygon as PolygonPatch
 from matplotlib.ticker import MultipleLocator
 
-from ...planner.grid import TOLERANCE, BoolArray
-from ...planner.maps import Maps
+from ...planner.grid import BoolArray
+from ...planner.maps import Maps, too_low
 from ...planner.site import Conductor, PlanePoint, Site
 from ...settings.vehicle import Vehicle
 from .figure import INK
@@ -33,6 +33,7 @@ _OUTSIDE = "#f1f2f4"
 _OCCUPIED = "#45484d"
 _TOO_LOW = "#b4b8be"
 _SOLID = "#17181b"
+_EARTH = "#8a7a66"
 _SAFETY = LinearSegmentedColormap.from_list(
     "safety cost", ["#fffdf7", "#fee3b8", "#fdb56d", "#ee7a35", "#b8420f"]
 )
@@ -41,6 +42,8 @@ _SAFETY = LinearSegmentedColormap.from_list(
 _REACH = 0.5
 """Distance outside the workspace that is still shown, as part of its greater extent."""
 _MARGIN = 0.03
+_FLOOR_POINTS = 500
+"""Points of the line of the minimum altitude above a profile of the ground."""
 _TICKS = 9
 """Ticks along the longer side, at most; the shorter side has the same step,"""
 _FEW_TICKS = 4
@@ -91,21 +94,24 @@ def draw_plane(axes: Any, site: Site, maps: Maps, view: View) -> ScalarMappable:
         zorder=1,
         aspect="equal",
     )
-    low_rows = np.zeros(maps.grid.shape, dtype=bool)
-    altitude_m = site.workspace.min_altitude_m
-    if altitude_m is not None:
-        low_rows[:, maps.grid.axes_m[1] < altitude_m - TOLERANCE] = True
-    paint(axes, maps, maps.occupied & ~low_rows, _OCCUPIED, "occupied")
-    paint(axes, maps, low_rows, _TOO_LOW, "too low")
+    low, altitude_m = too_low(site, maps.grid), site.workspace.min_altitude_m
+    paint(axes, maps, maps.occupied & ~low, _OCCUPIED, "occupied")
+    paint(axes, maps, low, _TOO_LOW, "too low")
     x_low, x_high, z_low, z_high = _extent(maps)
-    if altitude_m is not None and z_low < altitude_m < z_high:
+    if site.ground is not None:
+        outline_m = site.ground.vertices_m
+        axes.add_patch(PolygonPatch(outline_m, facecolor=_EARTH, linewidth=0.0, zorder=2.5))
+        _explain(axes, _EARTH, "ground")
+    x_m = np.linspace(x_low, x_high, 2 if site.ground is None else _FLOOR_POINTS)
+    floor_m = site.workspace.floor_m(x_m)
+    if floor_m.min() < z_high and floor_m.max() > z_low:
         axes.plot(
-            [x_low, x_high],
-            [altitude_m, altitude_m],
+            x_m,
+            floor_m,
             color=INK,
             linewidth=1.0,
             linestyle=(0, (6, 2, 1, 2)),
-            label=f"minimum altitude {altitude_m:g} m",
+            label=f"minimum altitude {altitude_m:g} m{' above ground' if site.ground else ''}",
             zorder=3,
         )
     lower, upper = site.workspace.lower_m, site.workspace.upper_m

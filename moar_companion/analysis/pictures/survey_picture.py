@@ -153,6 +153,8 @@ def _draw_section(axes: Any, survey: SurveyView) -> None:
         )
     )
     face, rim = _STANDING
+    if "ground" in document:
+        axes.plot(*np.array(document["ground"]).T, color=rim, linewidth=1.2, zorder=3)
     for entry in document["obstacles"]:
         polygon = entry.get("polygon")
         if polygon:

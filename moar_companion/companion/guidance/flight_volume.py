@@ -13,15 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...mavlink.autopilots.offboard_loss import OffboardLoss
+from ...planner import ground_profile
 from ...planner.escape import recovery_leg, refuge_leg
-from ...planner.free_distance import FreeDistance
+from ...planner.free_distance import FreeDistance, free_ahead
 from ...planner.geometry import rings
 from ...planner.graph import elevation_speed_mps
 from ...planner.grid import TOLERANCE, BoolArray, IntArray
 from ...planner.legs import leg_clearances
-from ...planner.maps import Maps
+from ...planner.maps import Maps, too_low
 from ...planner.plane_fence import PlaneFence
-from ...planner.regions import leg_room_m, obstacle_room_m
+from ...planner.regions import leg_room_m, legs_above_ground, obstacle_room_m
 from ...planner.site import Site
 from ...settings.vehicle import Vehicle
 from ...texts.text_format import coordinate, distance, limit_text
@@ -99,9 +100,9 @@ class FlightVolume:
     def speed_cap_mps(self, position_m: FloatArray, direction: FloatArray) -> FloatArray:
         """Maximum speeds (n,) from which the aircraft stops in free space.
 
-        It stops no lower than the site's minimum altitude. Outside the workspace, on a leg that
-        leads lower, it stops no lower than the leg. A path leads through cell centres. Half a cell
-        is therefore always free, and no cap is 0.
+        It stops no lower than the site's minimum altitude, also ahead, where ground rises. Outside
+        the workspace, on a leg that leads lower, it stops no lower than the leg. A path leads
+        through cell centres. Half a cell is therefore always free, and no cap is 0.
         """
         places, directions = position_m[:, ::2], direction[:, ::2]
         farthest_m = float(self.loss.stopping_m(np.array(self.vehicle.speed.max_mps)))
@@ -109,6 +110,8 @@ class FlightVolume:
         free_m = reach.free_m(places, directions, farthest_m)
         if self.fence is not None:
             np.minimum(free_m, self.fence.free_m(places, directions), out=free_m)
+        if self.site.workspace.ground_m:
+            np.minimum(free_m, self._above_m(places, directions, farthest_m), out=free_m)
         sinks = directions[:, 1] < 0.0
         down_m = places[sinks, 1] - self._lowest_m(places)[sinks]
         free_m[sinks] = np.minimum(free_m[sinks], down_m / -directions[sinks, 1])
@@ -119,10 +122,28 @@ class FlightVolume:
         workspace, lowest_m = self.site.workspace, places_m[:, 1].min()
         if workspace.min_altitude_m is None:
             return np.full(len(places_m), lowest_m)
-        lower_m = np.maximum(workspace.lower_m, (-np.inf, workspace.min_altitude_m))
+        floor_m = workspace.floor_m(places_m[:, 0])
+        lower_m = np.array(workspace.lower_m)
         inside = ((places_m > lower_m) & (places_m < np.array(workspace.upper_m))).all(axis=1)
-        outside_m = min(lowest_m, workspace.min_altitude_m)
-        return np.where(inside, workspace.min_altitude_m, outside_m)
+        inside &= places_m[:, 1] > floor_m
+        # Above a profile `_above_m` is the limit: along a slope the floor sinks with the path.
+        inside_m = -np.inf if workspace.ground_m else floor_m
+        return np.where(inside, inside_m, np.minimum(lowest_m, floor_m))
+
+    def _above_m(
+        self, places_m: FloatArray, directions: FloatArray, farthest_m: float
+    ) -> FloatArray:
+        """Distances (n,) from places (n, 2) in directions (n, 2) to cells that are too low.
+
+        Less half a cell: those cells are too low by their centres.
+        """
+        grid = self.maps.grid
+        low = np.ascontiguousarray(too_low(self.site, grid)).view(np.uint8)
+        low.flags.writeable = False
+        starts = np.ascontiguousarray((places_m - np.array(grid.lower_m)) / grid.resolution_m)
+        along = np.ascontiguousarray(directions / grid.resolution_m)
+        above_m: FloatArray = free_ahead(low, starts, along, farthest_m)
+        return np.where(above_m < farthest_m, above_m - 0.5 * grid.resolution_m, above_m)
 
     def free_between(self, start_m: FloatArray, end_m: Vector) -> bool:
         """True if the straight line between two places is in free cells only."""
@@ -180,15 +201,15 @@ class FlightVolume:
         length_m = float(np.sqrt(line @ line))
         if length_m <= leash_m + TOLERANCE:
             return None
-        step_m, least_m = 0.5 * self.maps.grid.resolution_m, self._least_m(setpoint_m[2])
+        step_m, from_z_m = 0.5 * self.maps.grid.resolution_m, setpoint_m[2]
         nearer_m = np.arange(leash_m - step_m, 0.0, -step_m)
         at_m = np.concatenate([np.arange(leash_m, length_m, step_m), nearer_m, [0.0]])
         places = aircraft + (at_m / length_m)[:, None] * line
-        places[:, 2] = np.maximum(places[:, 2], least_m)
+        places[:, 2] = np.maximum(places[:, 2], self._least_m(places[:, 0], from_z_m))
         kept = self._free_lines(places, aircraft, self.site.margin.total_m)
         for place_m in map(vector, places[kept]):
             nearer = math.dist(place_m, aircraft_m) < length_m
-            if nearer and self._may_be_carried_to(place_m, least_m, self.site.margin.total_m):
+            if nearer and self._may_be_carried_to(place_m, from_z_m, self.site.margin.total_m):
                 return place_m
         return None
 
@@ -245,13 +266,19 @@ class FlightVolume:
         least_m = keep_out_m + self.vehicle.radius_m - less_m
         ends_m = np.stack([aircraft_m[::2], *places_m[:, ::2]])
         clear_m = leg_clearances(ends_m, ends_m[0], vertices_m, first, radius_m)
-        kept = clear_m[1:] >= np.minimum(clear_m[0], least_m) - TOLERANCE
-        return np.asarray(kept.all(axis=1))
+        kept = (clear_m[1:] >= np.minimum(clear_m[0], least_m) - TOLERANCE).all(axis=1)
+        return np.asarray(kept & legs_above_ground(self.site, ends_m[1:], ends_m[0]))
 
-    def _least_m(self, from_z_m: float) -> float:
-        """Minimum height of a moved setpoint: the minimum altitude, or `from_z_m` if lower."""
-        low_m = self.site.workspace.min_altitude_m
-        return -math.inf if low_m is None else min(low_m, from_z_m)
+    def _least_m(self, x_m: FloatArray, from_z_m: float) -> FloatArray:
+        """Minimum heights (...) of a setpoint moved to x (...): the minimum altitude.
+
+        `from_z_m` if that is lower, but with the hull above a profile of the ground.
+        """
+        space = self.site.workspace
+        if space.ground_m:
+            ground_m = ground_profile.floor_m(space.ground_m, self.vehicle.radius_m, x_m)
+            return np.minimum(space.floor_m(x_m), np.maximum(from_z_m, ground_m))
+        return np.minimum(space.floor_m(x_m), from_z_m)
 
     def keeps_clear(self, place_m: Vector) -> bool:
         """True if a place, anywhere, is outside every keep-out less its margin."""
@@ -264,7 +291,7 @@ class FlightVolume:
         the margin is worse than a stay in the margin.
         """
         x_m, _, z_m = place_m
-        if z_m < self._least_m(from_z_m):
+        if z_m < self._least_m(np.array(x_m), from_z_m):
             return False
         cell = self.maps.grid.cell_of((x_m, z_m))
         if cell is not None and self.maps.room_m[cell] < -within_m - TOLERANCE:
@@ -304,7 +331,7 @@ class FlightVolume:
         """
         x_m, y_m, z_m = pose.position_m
         workspace, beside_m = self.site.workspace, self.vehicle.guidance.tracking_hold_m
-        low_m = workspace.min_altitude_m
+        low_m = workspace.floor_at_m(x_m)
         outside_m = workspace.outside_m((x_m, z_m))
         if low_m is not None and z_m < low_m - workspace.resolution_m:
             words = f"altitude {coordinate(z_m)} m < {limit_text(low_m)}"
@@ -370,7 +397,7 @@ class FlightVolume:
             room_m=self.maps.room_m,
             widened_m=widened_m,
             margin_m=self.site.margin.total_m + sudden_m,
-            min_altitude_m=self.site.workspace.min_altitude_m,
+            min_altitude_m=self.site.workspace.floor_at_m(x_m) if finite else None,
             corridors_m=tuple(leg.points_m for leg in legs),
             legs_from_beside_m=tuple(leg.points_m for leg in legs if leg.begins_beside),
             corridor_width_m=self.corridor_width_m,

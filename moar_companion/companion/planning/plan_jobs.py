@@ -200,7 +200,7 @@ def _plan_with_entry(
 
     The leg is the shortest one to a free cell from which there is a plan.
     """
-    maps, low_m = planner.maps, planner.site.workspace.min_altitude_m
+    maps, low_m = planner.maps, planner.site.workspace.floor_at_m(start_m[0])
     cell = maps.grid.cell_of(start_m)
     plan: Plan | None = None
     escape_m: tuple[PlanePoint, ...] = ()
@@ -277,7 +277,7 @@ def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
     The direction is towards the workspace, or away from the nearest obstacle.
     """
     site, maps = planner.site, planner.maps
-    low_m, height_m = site.workspace.min_altitude_m, start_m[1]
+    low_m, height_m = site.workspace.floor_at_m(start_m[0]), start_m[1]
     ahead, behind = _compass_points(site)
     if low_m is not None and height_m < low_m:
         return pilot_texts.LOW(low_m=distance(height_m), least_m=limit_text(low_m))

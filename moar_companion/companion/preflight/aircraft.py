@@ -297,23 +297,25 @@ def _place(received: ReceivedData, site: Site, vehicle: Vehicle) -> Iterator[Fin
         text = f"x {x_m:.1f}, z {z_m:.1f}, {abs(y_m):.1f} m {beside} of the plane"
         yield Finding(level=Level.OK, subject="position", text=text)
     if grounded(received.telemetry):
-        yield _height(z_m, site)
+        yield _height(x_m, z_m, site)
 
 
-def _height(z_m: float, site: Site) -> Finding:
-    """Checks z of an aircraft on the ground, which should be that of the site's ground.
+def _height(x_m: float, z_m: float, site: Site) -> Finding:
+    """Checks z of an aircraft on the ground, which should be that of the site's ground at its x.
 
     An error shifts the whole flight up or down, in addition to what the margin allows for.
     """
-    altitude_m = site.frame.origin.altitude_amsl_m
+    altitude_m, ground_m = site.frame.origin.altitude_amsl_m, site.workspace.ground_at_m(x_m)
     text = f"z = {z_m:+.1f} m on the ground, by its altitude and the site's ({altitude_m:g} m)"
-    slack_m = _HEIGHT_ERROR_M if site.obstacles else _NO_KEEP_OUT_M
-    if abs(z_m) <= slack_m:
+    if site.workspace.ground_m:
+        text += f"; by the profile {ground_m:+.1f} m"
+    slack_m, off_m = _HEIGHT_ERROR_M if site.obstacles else _NO_KEEP_OUT_M, z_m - ground_m
+    if abs(off_m) <= slack_m:
         return Finding(level=Level.OK, subject="height", text=text)
     lowest_m, highest_m = _ground_m(site, slack_m)
     remedy = (
-        f"the whole flight would be {abs(z_m):.1f} m too {'low' if z_m > 0.0 else 'high'}: correct "
-        "frame.origin.altitude_amsl_m, or wait for a better fix and restart the autopilot"
+        f"the whole flight would be {abs(off_m):.1f} m too {'low' if off_m > 0.0 else 'high'}: "
+        "correct frame.origin.altitude_amsl_m, or wait for a better fix and restart the autopilot"
     )
     if lowest_m <= z_m <= highest_m:
         return Finding(
@@ -333,9 +335,10 @@ def _height(z_m: float, site: Site) -> Finding:
 def _ground_m(site: Site, slack_m: float) -> tuple[float, float]:
     """Lowest and highest z at which an aircraft may stand on a site's ground.
 
-    The ground is at z = 0, and at the landing points.
+    The ground is at z = 0 or on its profile, and at the landing points.
     """
-    grounds_m = [0.0, *(z_m for points in site.landing_m.values() for _, z_m in points)]
+    profile_m = [z_m for _, z_m in site.workspace.ground_m] or [0.0]
+    grounds_m = [*profile_m, *(z_m for points in site.landing_m.values() for _, z_m in points)]
     return min(grounds_m) - slack_m, max(grounds_m) + slack_m
 
 

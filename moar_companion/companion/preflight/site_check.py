@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...mavlink.autopilots import profile
+from ...planner.grid import TOLERANCE
 from ...planner.plan_values import PlanStatus
 from ...planner.planner import Planner
 from ...planner.site import Obstacle, PlanePoint
@@ -28,6 +29,8 @@ _LARGE_BYTES = 500_000_000
 """Number of cells that is too many for a companion computer of 4 GB."""
 _LOST_SHARE = 0.5
 """Fraction of a required clearance that may be lost between two cells."""
+_BURIED_M = 0.5
+"""Depth of a landing point in a profile of the ground beyond the error of a survey."""
 _ENDURANCE_SHARE = 0.8
 """Fraction for the flight; the rest is for take-off and landing, the wind and waiting."""
 
@@ -40,6 +43,7 @@ def site_findings(planner: Planner) -> list[Finding]:
         _speed(planner),
         *_obstacles(planner),
         _margin(planner),
+        *_ground(planner),
         _start(planner),
         *_landings(planner),
         *_targets(planner),
@@ -99,6 +103,25 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
             )
 
 
+def _ground(planner: Planner) -> Iterator[Finding]:
+    """Checks a profile of the ground: above it the minimum altitude is all that is kept."""
+    space, margin = planner.site.workspace, planner.site.margin
+    if not space.ground_m or space.min_altitude_m is None:
+        return
+    heights_m = [z_m for _, z_m in space.ground_m]
+    text = f"z {min(heights_m):g} to {max(heights_m):g}, {space.min_altitude_m:g} m kept above it"
+    needed_m = planner.vehicle.radius_m + margin.total_m
+    if space.min_altitude_m >= needed_m - TOLERANCE:
+        yield Finding(level=Level.OK, subject="ground", text=text)
+        return
+    yield Finding(
+        level=Level.WARNING,
+        subject="ground",
+        text=f"{text}, less than hull and margin ({needed_m:.2f} m)",
+        remedy="set workspace.min_altitude_m higher where the ground rises beside the path",
+    )
+
+
 def _margin(planner: Planner) -> Finding:
     """Checks the margin beyond keep-outs against the measured need of the autopilot."""
     vehicle, margin = planner.vehicle, planner.site.margin
@@ -149,7 +172,11 @@ def _landings(planner: Planner) -> Iterator[Finding]:
                 remedy=f"add landing.{mission.value}: without it no {mission.value} can be ordered",
             )
         for index, point in enumerate(points):
-            problem = too_near(planner, point) or unseen(planner, mission, index)
+            problem = (
+                _buried(planner, point)
+                or too_near(planner, point)
+                or unseen(planner, mission, index)
+            )
             if problem is None:
                 yield Finding(level=Level.OK, subject=f"{subject} {index}", text=_shown(point))
             else:
@@ -159,6 +186,15 @@ def _landings(planner: Planner) -> Iterator[Finding]:
                     text=f"{_shown(point)} {problem}",
                     remedy="move or remove the landing point",
                 )
+
+
+def _buried(planner: Planner, point_m: PlanePoint) -> str | None:
+    """Text for a landing point that is below the profile of the ground; None if it is not."""
+    space = planner.site.workspace
+    below_m = space.ground_at_m(point_m[0]) - point_m[1]
+    if not space.ground_m or below_m < _BURIED_M:
+        return None
+    return f"is {below_m:.1f} m below the ground"
 
 
 def _targets(planner: Planner) -> Iterator[Finding]:

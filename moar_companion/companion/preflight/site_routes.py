@@ -135,8 +135,10 @@ def place_problem(planner: Planner, point_m: PlanePoint) -> str | None:
         return None
     # A cell is occupied by its centre, up to half a cell away from a point in it.
     x_m, z_m = grid.centre_m(cell)
-    if space.min_altitude_m is not None and z_m < space.min_altitude_m:
-        return f"below workspace.min_altitude_m ({space.min_altitude_m:g})"
+    low_m = space.floor_at_m(x_m)
+    if low_m is not None and z_m < low_m:
+        above = f" above the ground: z = {low_m:.1f}" if space.ground_m else ""
+        return f"below workspace.min_altitude_m ({space.min_altitude_m:g}{above})"
     return too_near(planner, point_m) or too_near(planner, (x_m, z_m)) or "occupied"
 
 

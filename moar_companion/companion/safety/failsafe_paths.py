@@ -158,11 +158,7 @@ def paths(
     if action in _DOWN:
         cells = math.ceil(drift_m / reach.grid.resolution_m)
         asides_m = np.linspace(-drift_m, drift_m, 2 * cells + 1).tolist() if cells else [0.0]
-        ground_m = np.full_like(z_m, reach.grid.lower_m[1])
-        return [
-            (np.stack([x_m + aside_m, z_m], axis=1), np.stack([x_m + aside_m, ground_m], axis=1))
-            for aside_m in sorted(asides_m, key=abs)
-        ]
+        return [_descent(reach, x_m + aside_m, z_m) for aside_m in sorted(asides_m, key=abs)]
     if action in STAYS:
         return []
     if home_m is None or home is None:
@@ -175,8 +171,18 @@ def paths(
     top_m = home_z_m + np.array(heights)
     above = np.stack([x_m, top_m], 1)
     above_home = np.stack([np.full_like(x_m, home_x_m), top_m], 1)
+    if reach.ground is not None:  # it lands on the ground there, which is nothing that it hits
+        home_z_m = max(home_z_m, float(reach.descent_end_m(np.array([home_x_m]))[0]))
     down = np.tile([home_x_m, home_z_m], (len(x_m), 1))
     return [(places_m, above), (above, above_home), (above_home, down)]
+
+
+def _descent(reach: FreeDistance, x_m: FloatArray, z_m: FloatArray) -> Path:
+    """Straight paths down from places to the ground; of length 0 for a place near the ground."""
+    end_m = reach.descent_end_m(x_m)
+    if reach.ground is not None:
+        end_m = np.minimum(z_m, end_m)
+    return np.stack([x_m, z_m], axis=1), np.stack([x_m, end_m], axis=1)
 
 
 def first_hit(
@@ -219,7 +225,9 @@ def _free_lengths(
     direction = along / np.where(length_m > 0.0, length_m, 1.0)[:, None]
     free_m = length_m
     if len(there):
-        free_m = reach.free_m(starts, direction, float(length_m.max()))
+        farthest_m = float(length_m.max())
+        free_m = reach.free_m(starts, direction, farthest_m)
         if from_within:
             free_m[reach.leads_inwards(starts, direction)] = 0.0
+        np.minimum(free_m, reach.over_ground_m(starts, direction, farthest_m), out=free_m)
     return free_m, length_m, starts, direction, there

@@ -123,6 +123,7 @@ def site_of_cloud(
         start=place(start_x, start_z),
         targets={f"at-{target_name}": target},
         landing={"exit": points[:1], "evacuation": points},
+        ground_m=surface.profile_m,
     )
     return CrossSection(
         document=document,

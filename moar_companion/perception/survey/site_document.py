@@ -53,8 +53,10 @@ def site_document(
     start: Document,
     targets: Document,
     landing: Mapping[str, list[Document]],
+    ground_m: Iterable[tuple[float, float]] = (),
 ) -> Document:
-    """The document of a site file; x_m, z_m: the workspace."""
+    """The document of a site file; x_m, z_m: the workspace. ground_m: profile; empty: level."""
+    ground = [[round(x, 2), round(z, 2)] for x, z in ground_m]
     return {
         "name": options.name,
         "frame": {
@@ -71,6 +73,7 @@ def site_document(
             "resolution_m": options.resolution_m,
             "min_altitude_m": MIN_ALTITUDE_M,
         },
+        **({"ground": ground} if ground else {}),
         "obstacles": obstacles,
         "start": start,
         "targets": targets,

@@ -7,6 +7,7 @@ objects on it, landing places, and polygons.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,8 @@ _LATTICE_M = 2.0
 """Half the width of holes in a tower that are filled."""
 _MOST_HOLE_CELLS = round((2.0 * _LATTICE_M / _CELL_M) ** 2)
 _ABOVE_GROUND_M = 0.5
+_PROFILE_M = 0.2
+"""Greatest difference of the profile of the ground from its columns."""
 _LANDING_HEIGHT_M = 2.5
 
 
@@ -63,9 +66,26 @@ class Surface:
         """Highest top within a distance of x."""
         return float(self.tops_m[abs(self._x_m - x_m) <= reach_m].max())
 
+    @cached_property
+    def profile_m(self) -> list[tuple[float, float]]:
+        """Profile of the ground, no lower than any column; empty where it is even.
+
+        Corners are left out that change it by less than `_PROFILE_M`.
+        """
+        if float(np.abs(self.ground_m).max()) <= _ABOVE_GROUND_M:
+            return []
+        kept = _corners(np.column_stack((self._x_m, self.ground_m)))
+        x_m, z_m = self._x_m[kept], self.ground_m[kept]
+        z_m = z_m + float((self.ground_m - np.interp(self._x_m, x_m, z_m)).max())
+        return list(zip(x_m.tolist(), (np.ceil(z_m * 100.0) / 100.0).tolist(), strict=True))
+
     def runs(self, low_x: float, high_x: float, above_m: float) -> Iterator[FloatArray]:
-        """Left edges and tops (n, 2) of neighbouring columns that reach above a height."""
-        inside = (self._x_m > low_x) & (self._x_m < high_x) & (self.tops_m > above_m)
+        """Left edges and tops (n, 2) of neighbouring columns that reach above the ground.
+
+        Above its profile; where it is even, above 0.
+        """
+        level_m = np.interp(self._x_m, *np.array(self.profile_m or [(0.0, 0.0)]).T)
+        inside = (self._x_m > low_x) & (self._x_m < high_x) & (self.tops_m > level_m + above_m)
         labels, count = ndimage.label(inside)
         for label in range(1, count + 1):
             run = labels == label
@@ -85,6 +105,21 @@ class Surface:
             if even and free and low:
                 return float(x), float(ground.max()) + _LANDING_HEIGHT_M
         return None
+
+
+def _corners(points_m: FloatArray) -> list[int]:
+    """Indices of the points (n, 2) that keep the line within `_PROFILE_M` (Douglas-Peucker)."""
+    kept, pending = [0, len(points_m) - 1], [(0, len(points_m) - 1)]
+    while pending:
+        first, last = pending.pop()
+        between = points_m[first : last + 1]
+        line_m = np.interp(between[:, 0], *between[[0, -1]].T)
+        off_m = np.abs(between[:, 1] - line_m)
+        farthest = int(off_m.argmax())
+        if off_m[farthest] > _PROFILE_M:
+            kept.append(first + farthest)
+            pending += [(first, first + farthest), (first + farthest, last)]
+    return sorted(kept)
 
 
 def _highest(columns: npt.NDArray[np.intp], z_m: FloatArray, count: int) -> FloatArray:

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from ..geometry import obstacle_distance_m
 from ..graph import Graph
 from ..grid import STOP, TOLERANCE, BoolArray, FloatArray, IntArray
-from ..maps import Maps
+from ..maps import Maps, too_low
 from ..plan_values import Metrics, PlanRequest, PlanStatus, Waypoints, trajectory
 from ..planner import Planner
 from ..regions import LandingLeg, goal_region, landing_leg
@@ -134,9 +134,7 @@ def envelope_cells(site: Site, maps: Maps, d_max_m: float) -> BoolArray:
     The envelope is the obstacles' convex hull grown by d_max and clipped to the rows that may be
     flown: where it reaches the border of the workspace, the border is its boundary.
     """
-    lowest_m = -np.inf if site.workspace.min_altitude_m is None else site.workspace.min_altitude_m
-    flyable = maps.grid.axes_m[1] >= lowest_m - TOLERANCE
-    within = (maps.hull_distance_m <= d_max_m + TOLERANCE) & flyable[None, :]
+    within = (maps.hull_distance_m <= d_max_m + TOLERANCE) & ~too_low(site, maps.grid)
     padded = np.pad(within, 1)
     surrounded = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
     return within & ~surrounded & ~maps.occupied

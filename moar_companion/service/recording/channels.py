@@ -20,7 +20,7 @@ from ...companion.reports import Decision
 from ...mavlink.codec import Codec
 from ...mavlink.dialect import mavlink
 from ...mavlink.telemetry import Telemetry
-from ...planner.site import Conductor, Site
+from ...planner.site import GROUND, Conductor, Site
 from .calls import Call, call_encoded
 from .schemas import CALLS, STATUS
 from .value_codec import encoded
@@ -37,7 +37,7 @@ _SETPOINT = int(mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED)
 _INFO = 2
 """Level of a text in foxglove.Log."""
 _FLOAT32 = 7
-_LINE_LOOP = 1
+_LINE_STRIP, _LINE_LOOP = 0, 1
 _HALF_WIDTH_M = 10.0
 """Drawn length of a conductor to either side of the plane."""
 _KEEP_OUT, _CONDUCTOR, _TOWER, _TARGET = (
@@ -259,6 +259,9 @@ def _scene(site: Site, wall_s: float) -> dict[str, Any]:
             corners = [_xyz((x_m, 0.0, z_m)) for x_m, z_m in item.vertices_m]
             lines = [_line(_LINE_LOOP, corners, _TOWER)]
         entities.append(_entity(item.name, wall_s, lines=lines, cylinders=cylinders))
+    if site.workspace.ground_m:
+        profile = [_xyz((x_m, 0.0, z_m)) for x_m, z_m in site.workspace.ground_m]
+        entities.append(_entity(GROUND, wall_s, lines=[_line(_LINE_STRIP, profile, _TOWER)]))
     for target in site.targets:
         x_m, z_m = target.position_m
         entities.append(
