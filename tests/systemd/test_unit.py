@@ -1,4 +1,4 @@
-"""The unit is one that systemd accepts, and starts what the wheel installs."""
+"""The unit is one that systemd accepts, for one vehicle and for each of several."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-UNIT = Path(__file__).parents[1] / "systemd" / "moar-companion.service"
-INSTALLED = "/opt/moar-companion/bin/moar-companion"
+UNIT = Path(__file__).parents[2] / "systemd" / "moar-companion.service"
 
 
 def unit():
@@ -21,20 +20,29 @@ def unit():
     return parser
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd on this machine")
-def test_systemd_accepts_the_unit(tmp_path):
+needs_systemd = pytest.mark.skipif(
+    shutil.which("systemd-analyze") is None, reason="no systemd on this machine"
+)
+
+
+@needs_systemd
+@pytest.mark.parametrize("name", ["moar-companion.service", "moar-companion@linedrone-07.service"])
+def test_systemd_accepts_the_unit(tmp_path, name):
     """The program itself is not installed here, so another one that can be run stands for it."""
     text = UNIT.read_text()
-    assert text.count(INSTALLED) == 1
-    copy = tmp_path / UNIT.name
-    copy.write_text(text.replace(INSTALLED, sys.executable))
+    assert text.count("ExecStart=moar-companion ") == 1
+    copy = tmp_path / name.replace("linedrone-07", "")
+    copy.write_text(text.replace("ExecStart=moar-companion", f"ExecStart={sys.executable}"))
     done = subprocess.run(
-        ["systemd-analyze", "verify", str(copy)], capture_output=True, text=True, check=False
+        ["systemd-analyze", "verify", str(tmp_path / name)],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd on this machine")
+@needs_systemd
 def test_systemd_rates_the_exposure_of_the_unit_at_2_or_less():
     done = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(UNIT)],
@@ -53,16 +61,16 @@ def test_the_service_notifies_readiness_and_is_not_restarted_with_a_wrong_file()
     assert service["RestartPreventExitStatus"] == "2"
     assert service["Restart"] == "on-failure"
     assert service["ExecStart"].split() == [
-        INSTALLED,
+        "moar-companion",
         "--config",
-        "/etc/moar-companion/companion.yaml",
+        "/etc/moar-companion/%i/companion.yaml",
     ]
 
 
 def test_a_service_that_hangs_is_restarted_and_finds_its_state():
     service = unit()["Service"]
     assert service["WatchdogSec"] == "2"
-    assert service["StateDirectory"] == "moar-companion"
+    assert service["StateDirectory"] == "moar-companion/%i"
 
 
 def test_the_service_goes_on_when_a_child_process_is_ended_for_its_memory():
