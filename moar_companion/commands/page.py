@@ -56,15 +56,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Serves the page until Ctrl-C, which is status 0."""
     from ..service.page.page_server import serve  # noqa: PLC0415
     from ..service.page_process import listen  # noqa: PLC0415
-    from ..settings.config import default_vehicle  # noqa: PLC0415
-    from ..settings.vehicle import Vehicle  # noqa: PLC0415
 
     # Any of both ends it without a traceback.
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, signal.default_int_handler)
     report_compiling()
-    vehicle = Vehicle.load(arguments.vehicle or default_vehicle())
-    content = _content(arguments, vehicle)
+    content = _content(arguments)
     listener = listen(arguments.host, arguments.port)
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
@@ -72,16 +69,6 @@ def run(arguments: argparse.Namespace) -> int:
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(serve(content, listener))
     return 0
-
-
-def about_vehicle(vehicle: Vehicle) -> dict[str, object]:
-    """The vehicle as the page shows it."""
-    return {
-        "name": vehicle.name,
-        "radius_m": vehicle.radius_m,
-        "d_min_m": vehicle.safety.d_min_m,
-        "d_max_m": vehicle.safety.d_max_m,
-    }
 
 
 def what_if_of(site_file: str, vehicle: Vehicle, margin: Margin) -> WhatIf:
@@ -98,23 +85,26 @@ def what_if_of(site_file: str, vehicle: Vehicle, margin: Margin) -> WhatIf:
     )
 
 
-def _content(arguments: argparse.Namespace, vehicle: Vehicle) -> PageContent:
+def _content(arguments: argparse.Namespace) -> PageContent:
     """What the page of a file serves."""
+    from ..settings.config import default_vehicle  # noqa: PLC0415
+    from ..settings.vehicle import Vehicle  # noqa: PLC0415
     from .replay import begins_with  # noqa: PLC0415
     from .replay_mcap import MAGIC  # noqa: PLC0415
 
     file = arguments.file
-    is_mcap = begins_with(file, MAGIC)
-    if Path(file).suffix.lower() in _SITE_ENDINGS:
-        if arguments.site is None:
-            return _site_content(file, vehicle)
+    is_site = Path(file).suffix.lower() in _SITE_ENDINGS
+    if is_site and arguments.site is not None:
         raise refused("--site", arguments.site, "must be left out: the page is of a site")
-    if is_mcap:
+    if not is_site and begins_with(file, MAGIC):
         for name in ("site", "vehicle"):
             if getattr(arguments, name) is not None:
                 allowed = "must be left out: an .mcap has its own"
                 raise refused(f"--{name}", getattr(arguments, name), allowed)
         return _mcap_content(Path(file))
+    vehicle = Vehicle.load(arguments.vehicle or default_vehicle())
+    if is_site:
+        return _site_content(file, vehicle)
     return _replay_content(Path(file), vehicle, arguments.site)
 
 
@@ -122,13 +112,14 @@ def _site_content(file: str, vehicle: Vehicle) -> PageContent:
     from ..companion.error_margin import margin_of  # noqa: PLC0415
     from ..planner.site import Site  # noqa: PLC0415
     from ..service.page.page_server import PageContent  # noqa: PLC0415
+    from ..service.page_process import vehicle_view  # noqa: PLC0415
     from ..settings.config import Supervision  # noqa: PLC0415
 
     margin = margin_of(vehicle, Supervision())
     what_if = what_if_of(file, vehicle, margin)
     view = _view(Site.load(file).flown_with(margin), vehicle)
     return PageContent(
-        about={"kind": "site", "recording": None, "vehicle": about_vehicle(vehicle)},
+        about={"kind": "site", "recording": None, "vehicle": vehicle_view(vehicle)},
         site=lambda: view,
         make_what_if=lambda: what_if,
     )
@@ -156,10 +147,11 @@ def _replay_content(file: Path, vehicle: Vehicle, site_file: str | None) -> Page
 def _recording_content(file: Path, playback: Playback, vehicle: Vehicle | None) -> PageContent:
     from ..service.page.page_recordings import PageRecordings  # noqa: PLC0415
     from ..service.page.page_server import PageContent  # noqa: PLC0415
+    from ..service.page_process import vehicle_view  # noqa: PLC0415
 
     about = {"kind": "recording", "recording": file.name}
     return PageContent(
-        about={**about, "vehicle": None if vehicle is None else about_vehicle(vehicle)},
+        about={**about, "vehicle": None if vehicle is None else vehicle_view(vehicle)},
         site=playback.site,
         recordings=PageRecordings(file=file),
         open_playback=lambda _: playback,

@@ -65,6 +65,18 @@ class PageSetup:
     recordings: str | None
 
 
+def vehicle_view(vehicle: Vehicle) -> dict[str, Any]:
+    """A vehicle as the page shows it."""
+    return {
+        "name": vehicle.name,
+        "radius_m": vehicle.radius_m,
+        "d_min_m": vehicle.safety.d_min_m,
+        "d_max_m": vehicle.safety.d_max_m,
+        "reserve_s": vehicle.power.reserve_s,
+        "endurance_s": vehicle.risk.endurance_s,
+    }
+
+
 def listen(host: str, port: int) -> socket.socket:
     """A socket that listens for browsers. Raises LinkError if it cannot be opened."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -121,12 +133,7 @@ class PageProcess:
         setup = PageSetup(
             allowed_hosts=settings.allowed_hosts,
             tile_url=settings.tile_url,
-            about={
-                "name": vehicle.name,
-                "radius_m": vehicle.radius_m,
-                "d_min_m": vehicle.safety.d_min_m,
-                "d_max_m": vehicle.safety.d_max_m,
-            },
+            about=vehicle_view(vehicle),
             token=token,
             vehicle=str(Path(config.vehicle).absolute()),
             site=None if config.site is None else str(Path(config.site).absolute()),

@@ -124,7 +124,13 @@ async def serve(content: PageContent, listener: socket.socket) -> None:
         timeout_graceful_shutdown=1,
     )
     logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
-    await uvicorn.Server(config).serve(sockets=[listener])
+    server = uvicorn.Server(config)
+    serving = asyncio.create_task(server.serve(sockets=[listener]))
+    try:
+        await asyncio.shield(serving)
+    finally:
+        server.should_exit = True
+        await serving
 
 
 def _application(content: PageContent) -> RequestGuard:
