@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from datetime import date, datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..settings.input_file import open_file, unreadable
-from .options import add_file, file_name, number, numbers, refused, require
-from .outputs import (
-    check_outputs,
-    output_folder,
-    print_text,
-    report_compiling,
-    write_output,
-)
+from . import site_actions, site_move
+from .options import add_file, file_name, number, numbers, refused
+from .outputs import check_outputs, print_text, report_compiling, write_output
+from .site_move import shift_text
+from .site_output import finished, next_step, out_file, plot_format, write_text
 
 if TYPE_CHECKING:
     from ..planner.plan_values import Plan
     from ..planner.planner import Planner
-    from ..planner.site import FrameShift, Site
+    from ..planner.site import Site
 
 _MAPS = (".kml", ".geojson", ".json", ".csv")
 
@@ -94,29 +90,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_file(shown, "--geojson", "write site and paths as GeoJSON")
     add_file(shown, "--qgc-plan", "write the paths as a mission of QGroundControl")
     add_file(shown, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
-    shifted = parser.add_argument_group("shift (a site whose RTK base has moved)")
-    for direction in ("north", "east", "up"):
-        shifted.add_argument(
-            f"--{direction}",
-            metavar="M",
-            type=_displacement(f"--{direction}"),
-            default=0.0,
-            help=f"how far the site moves {direction}, in m (default: 0)",
-        )
-    shifted.add_argument(
-        "--reason", metavar="TEXT", type=_reason, help="for the record in the file"
-    )
-    shifted.add_argument(
-        "--date", metavar="DATE", type=_date, help="for the record, as 2026-05-31 (default: today)"
-    )
-    orders = parser.add_argument_group("actions")
-    orders.add_argument(
-        "--component",
-        metavar="N",
-        type=_component,
-        default=195,
-        help="the companion's component_id (default: 195)",
-    )
+    site_move.add_arguments(parser)
+    site_actions.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -132,7 +107,7 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     from ..perception.survey.site_document import SiteOptions, SurveyError  # noqa: PLC0415
     from .point_clouds import around, height_notes, read_cloud  # noqa: PLC0415
 
-    out = _out(arguments)
+    out = out_file(arguments)
     if arguments.at is None:
         raise InputError("--at", "", "is missing: the target, LAT,LON or X,Y[,Z]")
     cloud = read_cloud(arguments.file, arguments.crs, arguments.metadata, arguments.port)
@@ -167,7 +142,7 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
             plane_classes=section.classes,
             left_out_m=section.left_out_m,
         )
-        draw_survey(view, stream, _format(arguments.plot))
+        draw_survey(view, stream, plot_format(arguments.plot))
 
     failure = _written(out, section.document, remarks)
     failures = [failure, write_output("--plot", arguments.plot, draw)]
@@ -179,10 +154,9 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     )
     plane = _plane_text(section.document)
     notes = "".join(f"note: {note}\n" for note in (*section.notes, *height_notes(cloud)))
-    print_text(
-        f"{len(section.conductors)} conductors cross the plane:\n{rows}{plane}{notes}{_next(out)}"
-    )
-    return _finished(failures, out)
+    head = f"{len(section.conductors)} conductors cross the plane:\n"
+    print_text(f"{head}{rows}{plane}{notes}{next_step(out)}")
+    return finished(failures, out)
 
 
 def _from_map(arguments: argparse.Namespace) -> int:
@@ -190,7 +164,7 @@ def _from_map(arguments: argparse.Namespace) -> int:
     from ..perception.survey.map_features import features_of  # noqa: PLC0415
     from ..perception.survey.site_document import SiteOptions  # noqa: PLC0415
 
-    out = _out(arguments)
+    out = out_file(arguments)
     ending = Path(arguments.file).suffix.lower()
     if ending not in _MAPS:
         raise InputError(arguments.file, "", f"must end in one of {', '.join(_MAPS)}")
@@ -214,7 +188,7 @@ def _from_map(arguments: argparse.Namespace) -> int:
         from ..perception.survey.survey_view import SurveyView  # noqa: PLC0415
 
         view = SurveyView(document=drawn.document, marks=drawn.marks)
-        draw_survey(view, stream, _format(arguments.plot))
+        draw_survey(view, stream, plot_format(arguments.plot))
 
     lines = (
         *(f"  {each}" for each in drawn.distances),
@@ -230,8 +204,8 @@ def _from_map(arguments: argparse.Namespace) -> int:
         for key in ("obstacles", "targets")
     )
     plane = _plane_text(drawn.document)
-    print_text(f"{counts}\n{plane}" + "".join(f"{line}\n" for line in lines) + _next(out))
-    return _finished(failures, out)
+    print_text(f"{counts}\n{plane}" + "".join(f"{line}\n" for line in lines) + next_step(out))
+    return finished(failures, out)
 
 
 def _plane_text(document: dict[str, Any]) -> str:
@@ -272,63 +246,15 @@ def _show(arguments: argparse.Namespace) -> int:
         "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot),
     }
     failures = [
-        write_output(option, path, partial(_write_text, texts[option]))
+        write_output(option, path, partial(write_text, texts[option]))
         for option, path in outputs.items()
     ]
     print_text(
-        "".join(map(_shift_text, site.shifts))
+        "".join(map(shift_text, site.shifts))
         + "".join(f"{path_name(plan)}: {len(plan.states)} waypoints\n" for plan in plans)
         + "".join(f"no path: {reason}\n" for reason in missing)
     )
-    return _finished(failures)
-
-
-def _shift(arguments: argparse.Namespace) -> int:
-    from ..planner.site import FrameShift, Site  # noqa: PLC0415
-    from ..planner.site_shift import shifted_text  # noqa: PLC0415
-    from ..settings.yaml_file import text_of  # noqa: PLC0415
-
-    out = _out(arguments)
-    if not (arguments.north or arguments.east or arguments.up):
-        raise InputError("shift", "", "moves nothing: give --north, --east or --up")
-    if not arguments.reason:
-        raise InputError("--reason", "", "is missing: why the site is moved")
-    shift = FrameShift(
-        north_m=arguments.north,
-        east_m=arguments.east,
-        up_m=arguments.up,
-        reason=arguments.reason,
-        date=arguments.date or datetime.now(timezone.utc).date().isoformat(),
-    )
-    text = shifted_text(text_of(arguments.file), arguments.file, shift)
-    frame = Site.of_text(text, out).frame
-    failure = write_output("--out", out, partial(_write_text, text))
-    place = f"x = 0 at {frame.origin.latitude_deg:.8f}, {frame.origin.longitude_deg:.8f}"
-    print_text(f"{_shift_text(shift)}{place}, {frame.origin.altitude_amsl_m:.2f} m\n{_next(out)}")
-    return _finished([failure], out)
-
-
-def _shift_text(shift: FrameShift) -> str:
-    return f"frame moved {shift}\n"
-
-
-def _actions(arguments: argparse.Namespace) -> int:
-    from ..planner.site import Site  # noqa: PLC0415
-    from .order_files import order_files  # noqa: PLC0415
-
-    if arguments.out is None:
-        raise InputError("--out", "", "is missing: the folder to write into")
-    site = Site.load(arguments.file)
-    folder = output_folder("--out", arguments.out)
-    failures = []
-    for name, text in order_files(site, arguments.component).items():
-        path = folder / name
-        verb = "replaced" if path.exists() else "wrote"
-        failure = write_output("--out", str(path), partial(_write_text, text))
-        failures.append(failure)
-        if failure is None:
-            print_text(f"{verb} {path}\n")
-    return _finished(failures)
+    return finished(failures)
 
 
 def _paths(planner: Planner, site: Site) -> tuple[list[Plan], list[str]]:
@@ -361,82 +287,13 @@ def _written(out: str, document: dict[str, Any], remarks: tuple[str, ...]) -> st
     from ..perception.survey.site_document import site_text  # noqa: PLC0415
 
     text = site_text(document, remarks)
-    return write_output("--out", out, partial(_write_text, text))
-
-
-def _write_text(text: str, stream: IO[bytes]) -> None:
-    stream.write(text.encode())
-
-
-def _out(arguments: argparse.Namespace) -> str:
-    if arguments.out is None:
-        raise InputError("--out", "", "is missing: the site file to write")
-    if arguments.plot:
-        _format(arguments.plot)
-        require("--plot", "matplotlib", "plots")
-    check_outputs({"--out": arguments.out, "--plot": arguments.plot}, {"the input": arguments.file})
-    return str(arguments.out)
-
-
-def _format(path: str) -> str:
-    ending = Path(path).suffix.removeprefix(".").lower() or "png"
-    if ending not in ("png", "svg", "pdf"):
-        raise refused("--plot", path, "must end in one of .png, .svg, .pdf")
-    return ending
-
-
-def _next(out: str) -> str:
-    return f"wrote {out}; next: moar-companion check --files --site {out}\n"
-
-
-def _finished(failures: list[str | None], written: str | None = None) -> int:
-    """Exit status; reads a written site file as its users do, which may refuse it."""
-    from ..planner.site import Site  # noqa: PLC0415
-
-    problems = [failure for failure in failures if failure]
-    if problems:
-        raise OSError("; ".join(problems))
-    if written is not None:
-        Site.load(written)
-    return 0
+    return write_output("--out", out, partial(write_text, text))
 
 
 def _action(text: str) -> str:
     if text not in _ACTIONS:
         raise refused("site", text, f"must be one of {', '.join(_ACTIONS)}")
     return text
-
-
-def _displacement(option: str) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        from ..planner.site import MAX_SHIFT_M  # noqa: PLC0415
-
-        value = number(text)
-        if value is None or abs(value) > MAX_SHIFT_M:
-            allowed = f"must be a number of metres from -{MAX_SHIFT_M:g} to {MAX_SHIFT_M:g}"
-            raise refused(option, text, allowed)
-        return value
-
-    return parse
-
-
-def _reason(text: str) -> str:
-    if not text.strip() or len(text) > 100 or not text.isprintable():
-        raise refused("--reason", text, "must be 1 to 100 printable characters")
-    return text
-
-
-def _date(text: str) -> str:
-    try:
-        return date.fromisoformat(text).isoformat()
-    except ValueError:
-        raise refused("--date", text, "must be a day, as 2026-05-31") from None
-
-
-def _component(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 2 <= int(text[:9]) <= 255:
-        raise refused("--component", text, "must be the companion's component id, 2 to 255")
-    return int(text)
 
 
 def _place(text: str) -> tuple[float, ...]:
@@ -473,6 +330,6 @@ _ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
     "from-cloud": _from_cloud,
     "from-map": _from_map,
     "show": _show,
-    "shift": _shift,
-    "actions": _actions,
+    "shift": site_move.run,
+    "actions": site_actions.run,
 }
