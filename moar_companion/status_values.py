@@ -391,6 +391,24 @@ class PerceptionSection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class InspectionSection:
+    """Pictures of the views. view: the one at which the flight is, with its phase.
+
+    reason: of its failure. pictures, of: confirmed ones of this inspection, and those that all
+    views ask for. failed: views that could not be captured. gimbal: holder of its control.
+    """
+
+    view: str | None
+    phase: str | None
+    reason: str | None
+    pictures: int
+    of: int
+    failed: tuple[str, ...]
+    camera: str | None
+    gimbal: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostSection:
     """Companion computer. read_late_s: longest wait of received data in the last second."""
 
@@ -425,6 +443,8 @@ class Status:
     radio: RadioSection | None
     age_s: dict[str, float | None]
     perception: PerceptionSection | None
+    inspection: InspectionSection | None
+    """None without a site that has views."""
     host: HostSection
     parameters: dict[str, float]
     recorder: str | None

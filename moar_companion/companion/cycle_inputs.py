@@ -117,6 +117,7 @@ def situation(state: CycleState, now_s: float) -> Situation:
     autopilot, guidance = state.telemetry.autopilot, state.vehicle.guidance
     flight, pose = state.routes.flight, state.pose
     error_m = math.inf if flight is None or pose is None else flight.error_m(pose)
+    view = state.inspector.outcome(state.status, state.site)
     return Situation(
         ruling=state.ruling,
         mode_ours=state.mode_ours,
@@ -124,6 +125,10 @@ def situation(state: CycleState, now_s: float) -> Situation:
         on_leg=flight is not None and flight.on_leg,
         arrived=state.routes.arrived(pose, now_s),
         dwell_s=_dwell_s(state),
+        view_pending=view.pending,
+        view_failed=view.failed,
+        view_others=view.others,
+        views_missing=view.missing,
         tracking_lost=flight is not None and error_m > guidance.tracking_hold_m,
     )
 

@@ -86,6 +86,7 @@ def run(state: CycleState, now_s: float) -> None:
     _transition(state, now_s)
     _route(state, now_s)
     _follow(state, now_s, step_s)
+    _inspect(state, now_s)
     _emit(state, now_s)
 
 
@@ -218,6 +219,7 @@ def _transition(state: CycleState, now_s: float) -> None:
         paths_changed=state.paths_changed,
         ready_timeout_s=state.config.supervision.ready_timeout_s,
         resume=state.config.resume,
+        on_failure=state.config.inspection.on_failure,
         now_s=now_s,
     )
     state.paths_changed = False
@@ -308,6 +310,8 @@ def _order(state: CycleState, command: Accepted, now_s: float) -> None:
             # A sender without permission may stop the aircraft, but overrules no condition.
             effects = tuple(item for item in effects if not isinstance(item, OverrideConditions))
         _carry_out(state, (status, effects), now_s)
+        if isinstance(order, Task) and status.order_id == order_id:
+            state.inspector.begin()
         # The task may be flown already: the rest of a landing leg needs no plan.
         if status.order_id == order_id:
             state.mode_requester.note_order(state.telemetry.autopilot, before, now_s)
@@ -408,6 +412,14 @@ def _follow(state: CycleState, now_s: float, step_s: float) -> None:
     state.mode_requester.act(state.status, telemetry, at_end=at_end, now_s=now_s)
 
 
+def _inspect(state: CycleState, now_s: float) -> None:
+    """Captures the view at which the flight is, or ends its capture."""
+    flight, pose = state.routes.flight, state.pose
+    error_m = None if flight is None or pose is None else flight.error_m(pose)
+    plane = state.pose_tracker.plane
+    state.inspector.act(state.status, state.site, pose, plane, error_m, state.risk, now_s)
+
+
 def _stream(state: CycleState, now_s: float, step_s: float) -> None:
     """Sends this instant's setpoint; a refusal is a fault for the next cycle's checks.
 
@@ -453,6 +465,8 @@ def _shut_down(state: CycleState, now_s: float) -> None:
     """
     if state.status.state in STREAMING:
         _end_control(state, now_s)
+    state.inspector.leave(now_s)
+    state.session.send_payload(now_s)
     state.orders.end(now_s)
 
 

@@ -122,6 +122,7 @@ class LatestDecisions:
             radio=_radio(telemetry, now_s),
             age_s=_ages_s(telemetry, now_s),
             perception=_perception(state, now_s),
+            inspection=state.inspector.section(state.site, now_s),
             host=_host(state.host),
             parameters={} if companion.parameters is None else dict(companion.parameters.changed),
             recorder=None if recorder is None else str(recorder),

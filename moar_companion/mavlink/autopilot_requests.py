@@ -155,6 +155,8 @@ class AutopilotRequests:
         self._obstacles = obstacles
         self._signed = frozenset(signed)
         self._rates = MessageRates()
+        self._more_hz: dict[int, float] = {}
+        """Wanted rates beside those of every flight, by message id."""
         self._places = OriginHomeRequests()
         self._parameters = ParameterRequests()
         self._fence: FenceDownload | None = None
@@ -191,6 +193,12 @@ class AutopilotRequests:
         """
         self._parameters.want(keys, changing=changing)
 
+    def want_messages(self, rates_hz: Mapping[int, float], now_s: float) -> None:
+        """Adds messages of a payload that the autopilot manages, by message id."""
+        for message_id in rates_hz.keys() - self._more_hz.keys():
+            self._more_hz[message_id] = rates_hz[message_id]
+            self._rates.add(message_id, rates_hz[message_id], now_s)
+
     def want_fence(self) -> None:
         """Starts the periodic download of the uploaded fence."""
         self._fence = self._fence or FenceDownload()
@@ -218,6 +226,7 @@ class AutopilotRequests:
         self._link = autopilot.link
         known = profile(autopilot.kind)
         wanted_hz = wanted_rates_hz(autopilot.kind) if self._rates_hz is None else self._rates_hz
+        wanted_hz = {**wanted_hz, **self._more_hz}
         line = line_bytes_per_s(autopilot.link)
         if line is None:
             rates_hz = on_network(wanted_hz, obstacles=self._obstacles)

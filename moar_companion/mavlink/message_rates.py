@@ -310,6 +310,10 @@ class MessageRates:
         self._asked = []
         self._sent_s = now_s - _SPACING_S
 
+    def add(self, message_id: int, rate_hz: float, now_s: float) -> None:
+        """Requests one more message, at once."""
+        self._streams[message_id] = _Stream(rate_hz, 0.0, now_s, exact=self._slow_line)
+
     def count(self, message_id: int) -> None:
         """Counts a message of the autopilot."""
         stream = self._streams.get(message_id)

@@ -17,7 +17,7 @@ from ..settings.config import Commands
 from ..settings.flight_parameters import FlightParameters
 from ..settings.link_config import LinkRole
 from ..types import AutopilotKind, Vector
-from . import autopilot_requests, telemetry_receiver, translate_outgoing
+from . import autopilot_requests, camera, gimbal, telemetry_receiver, translate_outgoing
 from .autopilot_control import AutopilotControl, CommandAnswered, commands_motion
 from .autopilot_requests import AutopilotRequests
 from .codec import Codec, packet_source
@@ -64,10 +64,17 @@ _WANTED = (
     telemetry_receiver.MESSAGE_IDS
     | autopilot_requests.MESSAGE_IDS
     | ComponentServices.MESSAGE_IDS
+    | camera.MESSAGE_IDS
+    | gimbal.MESSAGE_IDS
     | _COMMANDS
     | {_COMMAND_ACK}
 )
 """Messages that are read; the others are only counted."""
+
+_PAYLOAD_IDS = (
+    camera.MESSAGE_IDS | gimbal.MESSAGE_IDS | {int(mavlink.MAVLINK_MSG_ID_HEARTBEAT), _COMMAND_ACK}
+)
+"""Messages that camera and gimbal read."""
 
 Event = (
     UnsupportedCommand
@@ -135,6 +142,10 @@ class Session:
         """Commands to the companion, until their final answers."""
         self.services = ComponentServices(links, component_id, parameters, self._autopilot_kind)
         """Services for ground stations."""
+        self.camera = camera.CameraClient()
+        """The camera on the autopilot's system, once it is wanted."""
+        self.gimbal = gimbal.GimbalClient()
+        """The gimbal on the autopilot's system, once it is wanted."""
         self._texts = StatusTexts()
         self._own_ids = OwnIds()
         self._events: list[Event] = []
@@ -154,7 +165,8 @@ class Session:
         return self._system_id
 
     @property
-    def _ids(self) -> tuple[int, int]:
+    def ids(self) -> tuple[int, int]:
+        """System and component id of the companion."""
         return self._system_id, self._component_id
 
     @property
@@ -271,7 +283,7 @@ class Session:
         return self.commands.permissions.may_request(system_id, vehicle_id=vehicle_id)
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
-        if _source(message) == self._ids:
+        if _source(message) == self.ids:
             self._events += self._own_ids.receive(message, now_s)
             return
         event = self._receiver.handle(message, link=link, role=self._roles[link], now_s=now_s)
@@ -291,9 +303,17 @@ class Session:
             self.requests.unidentified = (link, _source(message))
         message_id, autopilot = message.get_msgId(), self.autopilot
         if autopilot is not None and self._receiver.is_autopilots(message, link):
-            self.requests.handle(message, autopilot, self._ids, now_s)
+            self.requests.handle(message, autopilot, self.ids, now_s)
             if message_id == _COMMAND_ACK:
                 self._receive_acknowledgement(message, now_s)
+        if (
+            message_id in _PAYLOAD_IDS
+            and autopilot is not None
+            and self._roles[link] is LinkRole.AUTOPILOT
+            and message.get_srcSystem() == autopilot.system_id
+        ):
+            self.camera.handle(message, link, self.ids, now_s)
+            self.gimbal.handle(message, link, self.ids, now_s)
         if message_id in _COMMANDS:
             self._receive_command(link, message, now_s)
         elif message_id in ComponentServices.MESSAGE_IDS:
@@ -319,7 +339,7 @@ class Session:
         self._acknowledge(answer, link)
 
     def _receive_acknowledgement(self, message: Message, now_s: float) -> None:
-        if (message.target_system, message.target_component) not in {(0, 0), self._ids}:
+        if (message.target_system, message.target_component) not in {(0, 0), self.ids}:
             return
         self.requests.answered(message)
         answered = self._control.answered(message, now_s)
@@ -342,7 +362,7 @@ class Session:
         answer = self.services.receive(
             message,
             Asker(sender=sender, objection=objection, on_board=system_id == self._system_id),
-            ours=self._ids,
+            ours=self.ids,
             is_autopilots=is_autopilots,
             now_s=now_s,
         )
@@ -372,8 +392,26 @@ class Session:
         statistics = peers.autopilots_codec.statistics(*autopilot.ids)
         self._receiver.count_packets(statistics, *self.requests.round_trips_s(now_s))
         if self._receiver.identity.is_present(now_s):
-            others = bool(peers.sources - {autopilot.ids, self._ids})
+            others = bool(peers.sources - {autopilot.ids, self.ids})
             self.requests.send_due(autopilot, now_s, others=others)
+        self.send_payload(now_s)
+
+    def want_payload(self, now_s: float) -> None:
+        """Starts the search for camera and gimbal, and requests what they report."""
+        self.camera.want(now_s)
+        self.gimbal.want(now_s)
+        self.requests.want_messages(gimbal.RATES_HZ, now_s)
+
+    def send_payload(self, now_s: float) -> None:
+        """Queues what is due for camera and gimbal, which are not always the autopilot's."""
+        autopilot = self.autopilot
+        if autopilot is None:
+            return
+        known = (autopilot.link, autopilot.ids)
+        for link, message in self.camera.due(known, now_s):
+            self._outbox.send(link, message)
+        for link, message in self.gimbal.due(known, self.ids, now_s):
+            self._outbox.send(link, message)
 
     def send_setpoint(
         self, position_ned_m: Vector, velocity_ned_mps: Vector, yaw_rad: float, now_s: float

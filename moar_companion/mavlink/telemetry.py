@@ -88,6 +88,8 @@ class Attitude:
     """The autopilot's own clock."""
     yaw_rate_radps: float | None = None
     """Rate about the body's axis; by the gyroscopes, independent of the estimator's heading."""
+    turn_rate_radps: float | None = None
+    """Magnitude of the rates about all axes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

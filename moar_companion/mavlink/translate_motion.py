@@ -40,6 +40,7 @@ def _attitude(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
     if not math.isfinite(roll + pitch + yaw):
         return telemetry
     rate_radps = message.yawspeed
+    turn_rate_radps = math.hypot(message.rollspeed, message.pitchspeed, rate_radps)
     attitude = Attitude(
         received_s=now_s,
         roll_rad=roll,
@@ -47,6 +48,7 @@ def _attitude(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
         yaw_rad=yaw,
         boot_s=message.time_boot_ms * 1e-3,
         yaw_rate_radps=rate_radps if math.isfinite(rate_radps) else None,
+        turn_rate_radps=turn_rate_radps if math.isfinite(turn_rate_radps) else None,
     )
     return replace(telemetry, attitude=attitude)
 

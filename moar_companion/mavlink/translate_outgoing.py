@@ -79,16 +79,23 @@ def setpoint_message(
 
 
 def command_message(
-    *, target: tuple[int, int], command: int, parameters: tuple[float, ...]
+    *,
+    target: tuple[int, int],
+    command: int,
+    parameters: tuple[float, ...],
+    confirmation: int = 0,
 ) -> Message:
-    """COMMAND_LONG to a system and component id; missing parameters are 0."""
+    """COMMAND_LONG to a system and component id; missing parameters are 0.
+
+    confirmation: number of the same packets before this one.
+    """
     padded = (*parameters, *[0.0] * (7 - len(parameters)))
     return create(
         "COMMAND_LONG",
         target_system=target[0],
         target_component=target[1],
         command=command,
-        confirmation=0,
+        confirmation=confirmation,
         **{f"param{number}": value for number, value in enumerate(padded, start=1)},
     )
 

@@ -76,6 +76,12 @@ EVERY_TARGET_DONE = PilotText(
     meaning="the inspection has ended",
     remedy="order the exit, or take over",
 )
+VIEWS_MISSING = PilotText(
+    pattern="{count} views not captured",
+    actions=("holding",),
+    meaning="the inspection has ended; the record says why",
+    remedy="order the inspection again, or take over",
+)
 ABOVE_LANDING_POINT = PilotText(
     pattern="above the landing point",
     actions=("holding",),
@@ -405,6 +411,71 @@ UNREPORTED = PilotText(
     remedy="see `check`",
 )
 
+# Pictures
+
+_LEFT_OUT = ("holding", "target skipped", "view skipped")
+_SEE_ACTION = "see `inspection.on_failure`; `continue` tries again"
+
+CAMERA_SILENT = PilotText(
+    pattern="camera does not answer",
+    actions=_LEFT_OUT,
+    meaning="no answer to a repeated command for a picture or a video",
+    remedy=f"check the camera and its link; {_SEE_ACTION}",
+)
+PICTURE_UNCONFIRMED = PilotText(
+    pattern="no picture confirmed",
+    actions=_LEFT_OUT,
+    meaning="the camera accepts commands, and confirms no picture, also not on request",
+    remedy=f"check the camera's card; {_SEE_ACTION}",
+)
+CARD_FULL = PilotText(
+    pattern="camera card full",
+    actions=_LEFT_OUT,
+    meaning="the camera refuses a picture and reports no room for it",
+    remedy="land, and change the card",
+)
+PICTURE_REFUSED = PilotText(
+    pattern="picture {result}",
+    actions=_LEFT_OUT,
+    meaning="the camera's answer to a command for a picture",
+    remedy=f"check the camera's mode; {_SEE_ACTION}",
+)
+VIDEO_REFUSED = PilotText(
+    pattern="video {result}",
+    actions=_LEFT_OUT,
+    meaning="the camera's answer to a command for a video",
+    remedy=f"check the camera's mode; {_SEE_ACTION}",
+)
+GIMBAL_HELD = PilotText(
+    pattern="gimbal held by {id}/{other_id}",
+    actions=_LEFT_OUT,
+    meaning="this system and component has control of the gimbal; control is taken from nobody",
+    remedy="give it back there, then order `continue`",
+)
+GIMBAL_BY_STICKS = PilotText(
+    pattern="gimbal moved by sticks",
+    actions=_LEFT_OUT,
+    meaning="the pilot has moved the gimbal by the remote control",
+    remedy="order `continue` to give it back",
+)
+GIMBAL_SILENT = PilotText(
+    pattern="gimbal does not answer",
+    actions=_LEFT_OUT,
+    meaning="its manager does not report who has control, or its angles",
+    remedy=f"check the gimbal and its link; {_SEE_ACTION}",
+)
+OFF_AIM = PilotText(
+    pattern="aim {degrees} deg off > {limit}",
+    actions=_LEFT_OUT,
+    meaning="gimbal, or heading without one, did not reach the aim point in `inspection.timeout_s`",
+    remedy=f"check the gimbal's range; {_SEE_ACTION}",
+)
+UNSTEADY = PilotText(
+    pattern="unsteady: {quantity}",
+    actions=_LEFT_OUT,
+    meaning="a limit of the section `inspection` was exceeded for `inspection.timeout_s`",
+    remedy=f"wait for less wind; {_SEE_ACTION}",
+)
 
 TEXTS: Mapping[str, PilotText] = {
     **{name: text for name, text in globals().items() if isinstance(text, PilotText)},

@@ -64,6 +64,8 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "z_m": ("18.3", "-99999.9"),
     "least_m": ("2", "99999"),
     "limit": ("60", "99999"),
+    "degrees": ("4.2", "180"),
+    "quantity": ("0.4 m/s > 0.25", "99.99 dps > 0.123"),
     "plural": ("s", "s"),
 }
 """Fields of the texts: an example and the longest value of each."""

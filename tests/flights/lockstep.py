@@ -32,6 +32,7 @@ from moar_companion.types import AutopilotKind
 from sitl.autopilot import Options, Truth
 from sitl.lidar_scene import PlacedScene
 from sitl.manners import KINDS
+from sitl.payload import Payload, PayloadOptions
 from sitl.wire import packet_header, packets
 from tests.vehicles import named_vehicle
 
@@ -103,11 +104,13 @@ class Lockstep(Aircraft):
         start_m: tuple[float, float] | None = None,
         secret: bytes | None = None,
         lidar_scene: PlacedScene | None = None,
+        payload: PayloadOptions | None = None,
         **config,
     ) -> None:
         """start_m: place of the aircraft in the site's frame (x, y); None: under the site's start.
 
         secret: key of all signed links. lidar_scene: scene of the lidar on board; None: no lidar.
+        payload: camera and gimbal on board; None: neither.
         """
         if isinstance(site, str):
             site = Site.load(shipped_configs() / "sites" / f"{site}.yaml")
@@ -147,6 +150,7 @@ class Lockstep(Aircraft):
         self.lidar = lidar_scene and LidarOnBoard(
             lidar_scene, self.config.perception, site, seed=self.autopilot.options.seed
         )
+        self.payload = payload and Payload(payload)
         self.decisions: list[Decision] = []
         self.truths: list[Truth] = []
         self.to_autopilot: list[tuple[float, bytes]] = []
@@ -203,6 +207,9 @@ class Lockstep(Aircraft):
         if not self.cut and not self.deaf:
             for data in said:
                 self.handle(data)
+            if self.payload is not None:
+                for data in self.payload.step(self.autopilot.truth):
+                    self.handle(data)
         while self._jobs and self._jobs[0][0] <= now_s:
             self._do(self._jobs.pop(0)[1])
         self.companion.tick(now_s)
@@ -246,8 +253,10 @@ class Lockstep(Aircraft):
         self.companion.receive(self.link_url, data, self.now_s)
 
     def report(self, data: bytes) -> None:
-        """Bytes of the companion, for the autopilot."""
+        """Bytes of the companion, for the autopilot and what else is on board."""
         self.autopilot.receive("companion", data)
+        if self.payload is not None:
+            self.payload.receive(data)
 
     def _note_setpoint(self, data: bytes) -> None:
         for packet in packets(data):

@@ -31,14 +31,16 @@ def wanted_yaw_rad(
 
     velocity_mps: of the setpoint. arrived: at the plan's end.
     """
-    if guidance.yaw_mode is YawMode.FIXED:
+    target = None if plan is None else _target(site, plan)
+    # At a view the nose aims, whatever the way there: a gimbal's yaw is often limited.
+    aims = arrived and target is not None and target.view is not None
+    if guidance.yaw_mode is YawMode.FIXED and not aims:
         return guidance.fixed_yaw_rad
     if plan is None:
         return None
-    if guidance.yaw_mode is YawMode.PATH:
+    if guidance.yaw_mode is YawMode.PATH and not aims:
         return _yaw_rad(velocity_mps, plane, _LEAST_PATH_MPS)
     x_m, y_m, _ = pose.position_m
-    target = _target(site, plan)
     if target is None:
         end = plan.waypoints.position_m[-1]
         return _yaw_rad((float(end[0]) - x_m, -y_m, 0.0), plane, _LOOK_FROM_M)

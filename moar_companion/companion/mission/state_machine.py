@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ...settings.config import OnFailure
 from ...texts import pilot_texts, service_texts
 from ...texts.text_format import limit_text
 from ..mission_states import ENGAGED, IN_CONTROL, STREAMING, MissionState
@@ -50,7 +51,6 @@ _CROSSED_S = 0.5
 """Time after an event within which an order counts as sent before its operator received the
 event."""
 
-_DONE = SendText(pilot_texts.EVERY_TARGET_DONE(), MissionState.HOLDING.words)
 _ARRIVED = SendText(pilot_texts.ABOVE_LANDING_POINT(), MissionState.HOLDING.words)
 
 _AGAIN_S = 2.0
@@ -200,11 +200,12 @@ def tick(
     paths_changed: bool = False,
     ready_timeout_s: float,
     resume: bool,
+    on_failure: OnFailure = OnFailure.HOLD,
     now_s: float,
 ) -> Step:
     """Runs one cycle; conditions that end our control come first.
 
-    paths_changed: a search that found no path may find one now.
+    paths_changed: a search that found no path may find one now. on_failure: of a view.
     """
     state, ruling = status.state, world.ruling
     rested = status.requested is None and now_s - status.no_path_s >= _AGAIN_S
@@ -235,7 +236,7 @@ def tick(
         )
         rest = None if status.hold_ordered else status.task
         return replace(idle, task=rest), effects
-    return _onward(status, world, ready_timeout_s, now_s)
+    return _onward(status, world, ready_timeout_s, on_failure, now_s)
 
 
 def _released(
@@ -265,7 +266,13 @@ def _released(
     return replace(silent, landed=landed, by_condition=True), effects
 
 
-def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now_s: float) -> Step:
+def _onward(
+    status: MissionStatus,
+    world: Situation,
+    ready_timeout_s: float,
+    on_failure: OnFailure,
+    now_s: float,
+) -> Step:
     """Takes the next step of the mission while no condition is against it."""
     state, task = status.state, status.task
     if state is MissionState.READY:
@@ -291,14 +298,44 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
     elif state is MissionState.LANDING_LEG and world.arrived:
         return _landed_above(status, now_s)
     elif state is MissionState.AT_TARGET and task is not None and status.requested is None:
-        if now_s - status.since_s < world.dwell_s:
+        if world.view_failed is not None:
+            return _without_view(status, task, world.view_failed, world, on_failure, now_s)
+        if world.view_pending or now_s - status.since_s < world.dwell_s:
             return status, ()
-        rest = replace(task, stops=task.stops[1:])
-        if rest.done:
-            held = entered(status, MissionState.HOLDING, now_s)
-            return replace(held, task=rest), (_DONE,)
-        return replace(status, requested=rest), (RequestPlan(rest),)
+        return _to_next(status, replace(task, stops=task.stops[1:]), world, now_s)
     return status, ()
+
+
+def _to_next(status: MissionStatus, rest: Task, world: Situation, now_s: float) -> Step:
+    """Requests the plan to the next target; after the last holds."""
+    if not rest.done:
+        return replace(status, requested=rest), (RequestPlan(rest),)
+    held = entered(status, MissionState.HOLDING, now_s)
+    missing = world.views_missing
+    words = pilot_texts.VIEWS_MISSING(count=missing) if missing else pilot_texts.EVERY_TARGET_DONE()
+    text = SendText(words, MissionState.HOLDING.words, serious=missing > 0)
+    return replace(held, task=rest), (text,)
+
+
+def _without_view(
+    status: MissionStatus,
+    task: Task,
+    reason: str,
+    world: Situation,
+    on_failure: OnFailure,
+    now_s: float,
+) -> Step:
+    """Leaves a view out that could not be captured, or holds there for an operator."""
+    if on_failure is OnFailure.HOLD:
+        held = entered(status, MissionState.HOLDING, now_s)
+        return held, (SendText(reason, MissionState.HOLDING.words, serious=True),)
+    skips = on_failure is OnFailure.SKIP
+    left_out = world.view_others if skips else task.stops[:1]
+    rest = replace(task, stops=tuple(stop for stop in task.stops if stop not in left_out))
+    action = "target skipped" if skips else "view skipped"
+    text = SendText(reason, action, serious=True)
+    after, effects = _to_next(status, rest, world, now_s)
+    return after, (text, *effects)
 
 
 def _landed_above(status: MissionStatus, now_s: float) -> Step:

@@ -112,6 +112,14 @@ class Situation:
     """True if the reference has reached the end of its trajectory."""
     dwell_s: float = 0.0
     """Time to stay at the present target."""
+    view_pending: bool = False
+    """True while the view at the present target is not captured."""
+    view_failed: str | None = None
+    """Reason why it could not be captured; None without one."""
+    view_others: tuple[str, ...] = ()
+    """Stops of the same target, that one included."""
+    views_missing: int = 0
+    """Views of the inspection that were left out."""
     tracking_lost: bool = False
     """True if the aircraft is off its setpoint; given the mode, it would fly to the setpoint."""
 

@@ -1,0 +1,41 @@
+"""Sites with views, and the camera and gimbal on board of a flight in lockstep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from moar_companion.planner.site import Site, Target, View
+from sitl.payload import PayloadOptions
+from sitl.picture import PictureScene
+
+from .lidar_on_board import scene_of
+
+
+def with_views(site: Site, *, pictures: int = 2, video_s: float = 0.0) -> Site:
+    """The site with one view of each of its targets, from the target's place."""
+    targets = tuple(
+        replace(
+            target,
+            name=f"{target.name}/1",
+            dwell_s=0.0,
+            view=View(
+                target=target.name,
+                number=1,
+                aim_m=target.look_at_m or target.position_m,
+                pictures=pictures,
+                video_s=video_s,
+            ),
+        )
+        for target in site.targets
+    )
+    return replace(site, targets=targets)
+
+
+def payload_of(site: Site, **options) -> PayloadOptions:
+    """Camera and gimbal that see the site's wires, and its aims by the names of their stops."""
+    scene = PictureScene.of(scene_of(site), aims(site.targets))
+    return PayloadOptions(scene=scene, **options)
+
+
+def aims(targets: tuple[Target, ...]) -> dict[str, tuple[float, float]]:
+    return {target.name: target.view.aim_m for target in targets if target.view is not None}
