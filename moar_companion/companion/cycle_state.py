@@ -25,6 +25,7 @@ from .error_margin import margin_of
 from .estimation.pose import Pose
 from .estimation.pose_tracker import PoseTracker
 from .flight_settings import FlightSettings
+from .inspector import Inspector
 from .mission.values import MissionStatus
 from .mission_snapshot import MissionSnapshot
 from .mission_states import MissionState
@@ -137,6 +138,8 @@ class CycleState:
             self.session, vehicle, config.supervision, self.margin, config.perception.keep_out_m
         )
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
+        self.inspector = Inspector(self.session, self.reports, config.inspection)
+        """Pictures and video of the views."""
         self.mode_requester = ModeRequester(
             config.authority, self.session, self.reports, pilot_flies=pilot_may_fly
         )

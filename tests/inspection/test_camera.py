@@ -1,0 +1,223 @@
+"""The camera's protocol: found, pictures confirmed once, lost packets, refusals."""
+
+from __future__ import annotations
+
+import math
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.mavlink.camera import Capture
+
+from .on_board import OnBoard
+
+START, DIGICAM = mavlink.MAV_CMD_IMAGE_START_CAPTURE, mavlink.MAV_CMD_DO_DIGICAM_CONTROL
+
+
+def found(**options):
+    rig = OnBoard(**options)
+    rig.want()
+    rig.run(1.0)
+    assert rig.camera.camera is not None
+    return rig
+
+
+def take(rig, seconds=5.0):
+    rig.camera.take_picture(rig.now_s)
+    rig.run(seconds)
+    return rig.camera.picture
+
+
+def test_nothing_is_sent_before_a_camera_is_wanted():
+    rig = OnBoard()
+    rig.run(5.0)
+    assert not rig.sent
+
+
+def test_a_camera_is_found_by_its_heartbeat_and_tells_its_lens():
+    camera = found().camera.camera
+    assert camera.ids == (1, 100)
+    assert camera.name == "MOAR simulated camera"
+    assert math.isclose(math.degrees(camera.field_of_view_rad[0]), 70.0, abs_tol=0.1)
+
+
+def test_a_picture_counts_once_it_is_confirmed():
+    rig = found()
+    assert take(rig) is Capture.DONE
+    assert [(image.number, image.file) for image in rig.images] == [(0, "IMG_0000.JPG")]
+    assert len(rig.commands(START)) == 1
+    assert take(rig) is Capture.DONE
+    assert [image.number for image in rig.images] == [0, 1]
+    assert len(rig.payload.pictures) == 2
+
+
+def test_a_lost_answer_takes_no_second_picture():
+    rig = found()
+    rig.payload.faults.answers_lost = 1.0
+    rig.camera.take_picture(rig.now_s)
+    rig.run(0.3)
+    rig.payload.faults.answers_lost = 0.0
+    rig.run(5.0)
+    assert rig.camera.picture is Capture.DONE
+    assert len(rig.payload.pictures) == 1
+
+
+def test_a_lost_confirmation_is_requested_again_and_no_second_picture_taken():
+    rig = found()
+    assert take(rig) is Capture.DONE
+    rig.payload.faults.confirmations_lost = 1.0
+    rig.camera.take_picture(rig.now_s)
+    rig.run(1.5)
+    assert rig.camera.picture is Capture.PENDING
+    rig.run(2.0)
+    assert rig.camera.picture is Capture.DONE
+    assert [image.number for image in rig.images] == [0, 1]
+    assert len(rig.payload.pictures) == 2
+
+
+def test_a_busy_camera_is_waited_for_and_then_refused():
+    rig = found()
+    rig.payload.faults.busy = True
+    rig.camera.take_picture(rig.now_s)
+    rig.run(4.0)
+    assert rig.camera.picture is Capture.PENDING
+    rig.payload.faults.busy = False
+    rig.run(2.5)
+    assert rig.camera.picture is Capture.DONE
+    rig.payload.faults.busy = True
+    assert take(rig, 25.0) is Capture.FAILED
+    assert rig.camera.failure == "picture temporarily rejected"
+
+
+def test_a_full_card_is_named():
+    rig = found()
+    rig.payload.faults.card_full = True
+    assert take(rig) is Capture.FAILED
+    assert rig.camera.failure == "camera card full"
+
+
+def test_a_camera_that_falls_silent_is_named():
+    rig = found()
+    rig.payload.faults.camera_silent = True
+    assert take(rig) is Capture.FAILED
+    assert rig.camera.failure == "camera does not answer"
+
+
+def test_a_picture_that_others_take_is_read_too():
+    rig = found()
+    rig.payload.receive(
+        mavlink.MAVLink_command_long_message(1, 100, START, 0, 0, 0, 1, 77, 0, 0, 0).pack(
+            mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        )
+    )
+    rig.run(1.0)
+    assert rig.camera.picture is Capture.NONE
+    assert [image.number for image in rig.images] == [0]
+
+
+def test_a_video_runs_and_ends():
+    rig = found()
+    rig.camera.start_video()
+    rig.run(0.5)
+    assert rig.camera.video is Capture.DONE
+    rig.run(2.0)
+    rig.camera.stop_video()
+    rig.run(0.5)
+    [(start_s, end_s)] = rig.payload.videos_s
+    assert 2.0 < end_s - start_s < 3.0
+    rig.payload.faults.card_full = True
+    rig.camera.start_video()
+    rig.run(0.5)
+    assert (rig.camera.video, rig.camera.failure) == (Capture.FAILED, "video failed")
+
+
+def test_the_zoom_is_a_part_of_the_cameras_range():
+    rig = found()
+    rig.camera.set_zoom(40.0)
+    rig.run(0.3)
+    assert rig.payload.zoom_percent == 40.0
+
+
+def without_component():
+    """An aircraft whose autopilot alone may have a camera."""
+    rig = OnBoard(gimbal=False)
+    rig.payload.faults.camera_silent = True
+    return rig
+
+
+def feedback(number):
+    zero = (0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return mavlink.MAVLink_camera_feedback_message(0, 0, 0, number, *zero, 0)
+
+
+def information():
+    name = [0] * 32
+    nan = math.nan
+    return mavlink.MAVLink_camera_information_message(
+        0, name, name, 0, nan, nan, nan, 0, 0, 0, 2, 0, b""
+    )
+
+
+def test_ardupilots_camera_is_the_autopilots_and_confirms_by_camera_feedback():
+    rig = without_component()
+    rig.autopilot_answers = {
+        mavlink.MAV_CMD_REQUEST_MESSAGE: (0, information()),
+        START: (0, feedback(7)),
+    }
+    rig.want()
+    rig.run(4.0)
+    assert rig.camera.camera.ids == (1, 1)
+    assert rig.camera.camera.field_of_view_rad is None
+    assert take(rig, 1.0) is Capture.DONE
+    assert [image.number for image in rig.images] == [7]
+
+
+def test_px4s_camera_trigger_answers_do_digicam_control_alone():
+    rig = without_component()
+    captured = mavlink.MAVLink_camera_image_captured_message(
+        0, 0, 1, 0, 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 3, 1, b""
+    )
+    rig.autopilot_answers = {
+        mavlink.MAV_CMD_REQUEST_MESSAGE: (3,),
+        START: (3,),
+        DIGICAM: (0, captured),
+    }
+    rig.want()
+    rig.run(4.0)
+    assert rig.camera.camera.by_digicam
+    assert take(rig, 1.0) is Capture.DONE
+    assert [image.number for image in rig.images] == [3]
+    assert [message.param5 for message in rig.commands(DIGICAM)] == [1.0]
+
+
+def test_an_autopilot_that_answers_nothing_fails_the_picture():
+    rig = without_component()
+    rig.want()
+    rig.run(8.0)
+    assert take(rig, 4.0) is Capture.FAILED
+    assert rig.camera.failure == "camera does not answer"
+
+
+def test_a_component_that_is_received_late_replaces_the_guess():
+    rig = without_component()
+    rig.want()
+    rig.run(8.0)
+    assert rig.camera.camera.by_digicam
+    rig.payload.faults.camera_silent = False
+    rig.run(1.5)
+    rig.want()
+    rig.run(1.0)
+    assert rig.camera.camera.ids == (1, 100)
+
+
+def test_a_failed_exposure_is_taken_again():
+    rig = found()
+    rig.camera.take_picture(rig.now_s)
+    rig.run(0.1)
+    failed = mavlink.MAVLink_camera_image_captured_message(
+        0, 0, 1, 0, 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 9, 0, b""
+    )
+    failed.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=100))
+    rig.hear(failed)
+    rig.run(4.0)
+    assert rig.camera.picture is Capture.DONE
+    assert len({message.param4 for message in rig.commands(START)}) == 2
