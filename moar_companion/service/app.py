@@ -366,7 +366,8 @@ class Service:
         self._latest.note(decisions, self._companion.telemetry.link)
         for item in decisions:
             if item.kind == "text":
-                _logger.info("%s", item.data["text"])
+                fields = {"kind": item.kind, "reason": item.data["reason"]}
+                _logger.info("%s", item.data["text"], extra={"fields": fields})
         if self._recorder is None:
             self._companion.received_packets()  # only a recording keeps them
         else:

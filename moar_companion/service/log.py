@@ -1,4 +1,6 @@
-"""The log: one line a record on stderr, written without delaying the control loop.
+"""The log: one line a record on stderr, or an entry with fields in systemd's journal (`journal`).
+
+Nothing here delays the control loop.
 
 A pipe that is not read, or a terminal that is stopped, loses the newest lines; a line reports how
 many. The oldest lines are kept: they show the cause.
@@ -10,6 +12,7 @@ import contextlib
 import logging
 import math
 import os
+import socket
 import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -18,6 +21,7 @@ from ..mavlink.telemetry import AutopilotStatus
 from ..settings.link_config import LinkConfig, LinkRole
 from ..texts.text_format import printable
 from .background_writer import BackgroundWriter, Batches
+from .journal import JournalFormatter, open_journal, write_entries
 
 _MOST_BYTES = 256 * 1024
 """Limit of waiting text: some three thousand lines."""
@@ -32,7 +36,7 @@ def log_to_stderr() -> Iterator[None]:
     """Writes records logged inside; the rest is written at the end, if stderr accepts it."""
     lines = _Lines()
     handler = logging.StreamHandler(lines)
-    handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+    handler.setFormatter(lines.formatter)
     root = logging.getLogger()
     level = root.level
     root.addHandler(handler)
@@ -80,7 +84,10 @@ class AutopilotLog:
 
 
 class _Lines:
-    """The stream of a handler, whose lock lets one thread at a time write."""
+    """The stream of a handler, whose lock lets one thread at a time write.
+
+    formatter: of the handler. Each text that is written is one record.
+    """
 
     def __init__(self) -> None:
         # Writing by its buffer is not possible: a thread blocked in it makes the interpreter abort
@@ -88,29 +95,46 @@ class _Lines:
         # may have that number.
         stderr = sys.__stderr__
         descriptor = os.open(os.devnull, os.O_WRONLY) if stderr is None else stderr.fileno()
-        self._writer = BackgroundWriter(
-            "log", partial(_write_loop, descriptor), most_bytes=_MOST_BYTES
-        )
+        journal = open_journal(descriptor)
+        if journal is None:
+            self.formatter = logging.Formatter("%(levelname)s %(message)s")
+            write_loop = partial(_write_lines, descriptor)
+        else:
+            self.formatter = JournalFormatter()
+            write_loop = partial(_write_journal, journal)
+        self._writer = BackgroundWriter("log", write_loop, most_bytes=_MOST_BYTES)
         self._lost = 0
 
     def write(self, text: str) -> None:
-        if self._lost:
-            text = f"WARNING {self._lost} lines are lost here: stderr did not take them\n{text}"
-        shown = "\n".join(map(printable, text.split("\n")))
-        if self._writer.put(shown.encode(errors="backslashreplace")):
+        if self._lost and self._put(self._loss()):
             self._lost = 0
-        else:
+        if not self._put(text):
             self._lost += 1
 
     def close(self) -> None:
         if self._lost:
-            self.write("")
+            self._put(self._loss())
         self._writer.close()
 
+    def _loss(self) -> str:
+        words = f"{self._lost} lines are lost here: stderr did not take them"
+        record = logging.LogRecord(__name__, logging.WARNING, "", 0, words, None, None)
+        return f"{self.formatter.format(record)}\n"
 
-def _write_loop(descriptor: int, batches: Batches) -> None:
+    def _put(self, text: str) -> bool:
+        shown = "\n".join(map(printable, text.split("\n")))
+        return self._writer.put(shown.encode(errors="backslashreplace"))
+
+
+def _write_lines(descriptor: int, batches: Batches) -> None:
     with contextlib.suppress(OSError), open(descriptor, "wb", closefd=False) as stderr:
         for batch in batches:
             with contextlib.suppress(OSError):
                 stderr.writelines(line for (line,) in batch)
                 stderr.flush()
+
+
+def _write_journal(journal: socket.socket, batches: Batches) -> None:
+    with journal:
+        for batch in batches:
+            write_entries(journal, [entry for (entry,) in batch])

@@ -56,6 +56,7 @@ tell member as_member moar-companion view --once
 tell check setpriv --reuid=moar-companion --regid=moar-companion --clear-groups moar-companion check --files
 tell cached ls /var/cache/moar-companion
 tell log journalctl --no-pager --quiet -u moar-companion
+tell log-fields journalctl --no-pager --quiet -u moar-companion -n 1 -o json --output-fields=LOGGER,PRIORITY LOGGER=moar_companion.service.app
 
 sed -i 's/^setpoint_rate_hz: 50.0/setpoint_rate_hz: 40.0/' "$config"
 tell in-flight armed_aircraft

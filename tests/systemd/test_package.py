@@ -98,6 +98,7 @@ def test_it_is_installed_without_a_network_and_runs_in_the_units_sandbox(told):
     assert told["user"] == "moar-companion"
     assert told["unprivileged"] == "CapEff:\t0000000000000000"
     assert "moar-companion[" in told["log"]
+    assert '"PRIORITY":"6"' in told["log-fields"]
 
 
 def test_members_of_the_group_see_the_service_and_check_runs_as_its_user(told):
