@@ -123,7 +123,7 @@ def _observe(state: CycleState, now_s: float, step_s: float) -> None:
         state.seen_obstacles.shift(followed)
     settings_change.take_maps(state, now_s)
     state.seen_obstacles.update(now_s, on_ground=grounded(state.telemetry))
-    settings_change.note_request(state)
+    settings_change.note_request(state, now_s)
     jumps = tuple(each for each in (jump, followed) if each is not None)
     for event in (*jumps, *state.session.events_received()):
         _take_event(state, event, now_s)

@@ -199,11 +199,6 @@ class PlanRequests:
         self._awaited = self._answer = None
         return awaited, answer
 
-    def delay(self, now_s: float) -> None:
-        """Notes that jobs wait for this machine itself: the planner's time-out begins later."""
-        if self._jobs:
-            self.asked_s = now_s
-
     def jobs(self) -> list[PlanJob]:
         """Returns the jobs since the last call."""
         jobs, self._jobs = self._jobs, []

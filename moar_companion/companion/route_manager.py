@@ -68,9 +68,9 @@ class RouteManager:
         """Obstacle inflation of plans."""
         self._left: PathFollower | None = None
         """The last flight, if it ended on a landing leg."""
-        self.settings_wait = False
-        """True while the planner has, or makes, maps for settings that are not in force: plans for
-        these settings would be made on them, so requests wait."""
+        self._planner_busy_s: float | None = None
+        """Time since which the planner makes, or has, maps for settings that are not in force; a
+        plan would be made on these, so requests wait. None while it does not."""
 
     def take_settings(self, vehicle: Vehicle, config: CompanionConfig, margin: Margin) -> None:
         """Takes the settings in force: the next plan is made with them."""
@@ -80,6 +80,13 @@ class RouteManager:
         self._plan_reports.vehicle = vehicle
         self.limits.take_settings(vehicle, config)
         self.inflation.take_settings(vehicle, config.supervision, margin)
+
+    def note_planner(self, now_s: float, *, busy: bool) -> None:
+        """Notes if the planner makes, or has, maps for settings that are not in force."""
+        if not busy:
+            self._planner_busy_s = None
+        elif self._planner_busy_s is None:
+            self._planner_busy_s = now_s
 
     @property
     def braked(self) -> bool:
@@ -126,7 +133,7 @@ class RouteManager:
 
     def plan_jobs(self) -> list[PlanJob]:
         """Planning jobs since the last call. Only the newest one's answer is awaited."""
-        return [] if self.settings_wait else self._plans.jobs()
+        return [] if self._planner_busy_s is not None else self._plans.jobs()
 
     def plan_answered(self, answer: PlanAnswer) -> None:
         """Keeps the answer to the awaited job for `taken`; drops any other."""
@@ -137,8 +144,6 @@ class RouteManager:
 
         A plan that the present maps bar was made before these: it is requested again.
         """
-        if self.settings_wait:
-            self._plans.delay(now_s)
         taken = self._plans.taken(now_s)
         if taken is None:
             return None
@@ -271,7 +276,7 @@ class RouteManager:
             flight.avoid(seen=self.limits.obstacles_seen)
         if now_s - self._resumed_s >= _STANDS_FOR_S and self.resume_leg():
             self._resumed_s = now_s
-        if awaited is not None or self.settings_wait:
+        if awaited is not None or self._planner_busy_s is not None:
             return
         error_m = flight.error_m(pose)
         if flight.on_leg or error_m <= self._vehicle.guidance.off_path_m:
@@ -338,13 +343,16 @@ class RouteManager:
     def awaited_for_s(self, now_s: float) -> float | None:
         """Wait for a new plan of an active inspection, in seconds; None while no plan is awaited.
 
+        While the planner is busy with other settings, one may be due at any time.
+
         An escape route continues without a new plan: its path was checked, and a stop is no safer.
         """
-        since_s, flight = self._plans.wanting_since_s, self.flight
+        awaited, flight = self._plans.awaited, self.flight
         mission = None if flight is None else flight.mission
-        if since_s is None or mission is None or not mission.visits_targets:
+        if mission is None or not mission.visits_targets or (awaited is not None and awaited.first):
             return None
-        return now_s - since_s
+        since_s = (self._plans.wanting_since_s, self._planner_busy_s)
+        return max((now_s - each_s for each_s in since_s if each_s is not None), default=None)
 
     def resume_leg(self) -> bool:
         """Resumes along the landing leg on which the flight was braked, if it has room.

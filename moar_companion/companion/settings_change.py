@@ -67,12 +67,12 @@ def _put_without_maps(state: CycleState, parameters: FlightParameters) -> bool:
     return True
 
 
-def note_request(state: CycleState) -> None:
+def note_request(state: CycleState, now_s: float) -> None:
     """Notes a request of maps for settings; until these are taken or refused no plan is made."""
     asked = state.seen_obstacles.settings_asked
     if asked:
         state.parameters.ask()
-    state.routes.settings_wait = asked or state.parameters.restores
+    state.routes.note_planner(now_s, busy=asked or state.parameters.restores)
 
 
 def take_maps(state: CycleState, now_s: float) -> None:

@@ -277,17 +277,30 @@ def test_nothing_is_planned_while_the_planner_has_maps_for_settings_that_are_not
 
 def test_an_order_while_maps_for_settings_are_made_is_planned_on_the_maps_in_force():
     flight = flying(seconds=3.0)
-    flight.plan_delay_s = 7.0
+    flight.plan_delay_s = 4.0
     flight.set(SAFE_RADIUS=0.5)
     flight.run(0.1)
     flight.plan_delay_s = 0.1
     flight.operator.mission(EXIT, -1)
-    flight.run(6.5)
+    flight.run(3.5)
     assert jobs_since(flight, SettingsJob) == []
-    assert flight.state == "at_target"
     flight.run(1.0)
     assert jobs_since(flight, SettingsJob)[0].request.mission is Mission.EXIT
     assert flight.companion.status.task.mission is Mission.EXIT
+
+
+@pytest.mark.slow
+def test_a_planner_that_never_answers_with_maps_for_settings_holds_the_inspection():
+    flight = flying(seconds=0.5)
+    flight.planning = False
+    flight.set(SAFE_RADIUS=0.5)
+    flight.run(flight.config.supervision.plan_stale_s + 3.0)
+    assert flight.state == "holding"
+    assert "no new plan" in flight.noted("text")[-1]["text"]
+    flight.operator.mission(EXIT, -1)
+    flight.run(5.5)
+    assert "MOAR: no plan in 5 s, denied" in [item["text"] for item in flight.noted("text")]
+    assert flight.state == "holding"
 
 
 def test_maps_for_the_settings_in_force_are_made_again_until_the_planner_has_them():
