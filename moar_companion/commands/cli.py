@@ -167,6 +167,17 @@ COMMANDS = {
             f"{PROGRAM} page flight.mcap --port 8080",
         ),
     ),
+    "diagnose": Subcommand(
+        module="diagnose",
+        summary="one archive for a report of a fault",
+        description="Collect what a report of a fault needs in one archive: versions, "
+        "configuration, the check of its files, the last lines of the log, the present status, "
+        "the decisions of the last flight. Passwords and keys are blanked.",
+        examples=(
+            f"sudo {PROGRAM} diagnose",
+            f"sudo {PROGRAM} diagnose linedrone-07 --out fault.tar.gz",
+        ),
+    ),
     "docs": Subcommand(
         module="docs",
         summary="write the reference page and the schemas of a checkout",

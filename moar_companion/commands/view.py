@@ -25,7 +25,7 @@ from .live_view import LiveView, line_of, silence_of
 from .options import file_name
 from .outputs import print_text
 
-_DEFAULT_SOCKET = "/run/moar-companion/view.sock"
+DEFAULT_SOCKET = "/run/moar-companion/view.sock"
 _LONGEST_LINE = 1_000_000
 _TICK_S = 1.0
 _FIRST_WORD_S = 5.0
@@ -50,8 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         metavar="SOCKET",
         type=file_name("SOCKET"),
-        default=_DEFAULT_SOCKET,
-        help=f"the service's view.socket (default: {_DEFAULT_SOCKET})",
+        default=DEFAULT_SOCKET,
+        help=f"the service's view.socket (default: {DEFAULT_SOCKET})",
     )
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--once", action="store_true", help="print one page and end")
