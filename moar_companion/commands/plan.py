@@ -46,6 +46,16 @@ _LIMITS = {
 """Options of a wish: `whole_front.Limited`, unit, meaning."""
 _PREFERENCES = {"safest": "the least safety cost", "fastest": "the least duration"}
 _NOT_WITH_A_WISH = ("weights", "risk", "adaptation", "explain", "alternatives", "refine")
+ALL = "all"
+"""Target of a tour of all targets."""
+_OF_ONE_PATH = (
+    *_LIMITS,
+    "--explain",
+    "--alternatives",
+    "--refine",
+    "--pareto",
+    "--pareto-plot",
+)
 _MAPS = (
     "occupied",
     "safety_cost",
@@ -72,8 +82,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--target",
         metavar="NAME|INDEX",
-        help="inspection: name of the target (default: the first); exit and evacuation: index of "
-        "the landing point, from 0 (default: any)",
+        help="inspection: name of the target or view (default: the first), or all: the tour of "
+        "least cost; exit and evacuation: index of the landing point, from 0 (default: any)",
     )
     parser.add_argument(
         "--start",
@@ -183,6 +193,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.as_flown:
         site = flown_site(site, vehicle, Supervision())
     mission: Mission = arguments.mission
+    if _is_tour(site, arguments):
+        return _plan_tour(arguments, site, vehicle, vehicle_file)
     target = _target(site, arguments.site, mission, arguments.target)
     wish = _wish(arguments)
     pictures = {"--plot": arguments.plot, "--pareto-plot": arguments.pareto_plot}
@@ -271,6 +283,55 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("no plan", plan.status.value, _whole_reason(planner, plan))
     if choice is not None and not choice.fulfilled:
         raise InputError(_limit_option(choice)[0], "", _wish_words(choice))
+    return 0
+
+
+def _is_tour(site: Site, arguments: argparse.Namespace) -> bool:
+    """True for `--target all`; a target of that name takes precedence."""
+    mission: Mission = arguments.mission
+    return mission.visits_targets and arguments.target == ALL and ALL not in site.target_names
+
+
+def _plan_tour(
+    arguments: argparse.Namespace, site: Site, vehicle: Vehicle, vehicle_file: str
+) -> int:
+    """Plans the tour of all targets, writes the outputs, prints the summary."""
+    from ..companion.error_margin import margin_of  # noqa: PLC0415
+    from ..planner.planner import Planner  # noqa: PLC0415
+    from ..settings.config import Supervision  # noqa: PLC0415
+    from .plan_tour import planned_tour  # noqa: PLC0415
+
+    for option in _OF_ONE_PATH:
+        if getattr(arguments, option.removeprefix("--").replace("-", "_")) not in (None, False):
+            raise refused("--target", ALL, f"but {option} is of one path: name a target")
+    _target(site, arguments.site, arguments.mission, None)
+    picture_format = _picture_format("--plot", arguments.plot)
+    _check_outputs(arguments, vehicle_file)
+    if arguments.plot is not None:
+        require("--plot", "matplotlib", "plots")
+    planner = Planner(site, vehicle, clock=time.perf_counter)
+    tour = planned_tour(
+        planner,
+        start_m=arguments.start,
+        velocity_mps=arguments.velocity,
+        weights=arguments.weights,
+        risk=RiskIndices(**arguments.risk),
+        adaptation=arguments.adaptation,
+    )
+    margin_m = margin_of(vehicle, Supervision()).total_m
+    margin = _margin_words(margin_m, flown=arguments.as_flown)
+    failures = [
+        write_output("--json", arguments.json, lambda stream: _write(tour.document(), stream)),
+        write_output("--maps", arguments.maps, lambda stream: write_maps(planner.maps, stream)),
+        write_output("--plot", arguments.plot, partial(tour.draw, picture_format)),
+    ]
+    print_text(_text(tour.document()) if arguments.json == STDOUT else tour.summary(margin))
+    problems = [failure for failure in failures if failure]
+    if problems:
+        raise OSError("; ".join(problems))
+    if tour.missing is not None:
+        reason = _whole_reason(planner, tour.missing)
+        raise InputError("no tour", tour.missing.status.value, reason)
     return 0
 
 

@@ -105,6 +105,7 @@ def scene(state: CycleState) -> ContingencyInputs | None:
         failsafes=state.routes.limits.watch.failsafes,
         pace=state.pace,
         meter=risk.meter,
+        reserve=state.config.supervision.battery_reserve,
         wind_mps=None
         if plane is None or spread is None
         else plane.velocity_from_ned((*spread.mean_ne_mps, 0.0)),

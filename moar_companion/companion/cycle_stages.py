@@ -39,6 +39,7 @@ from .mission.values import (
     Answer,
     Effect,
     FlightEffect,
+    LeaveOut,
     MissionStatus,
     Order,
     OverrideConditions,
@@ -224,6 +225,8 @@ def _transition(state: CycleState, now_s: float) -> None:
     )
     state.paths_changed = False
     _carry_out(state, step, now_s)
+    fitting = state.risk_monitor.fitting_stops
+    _carry_out(state, state_machine.shortened(state.status, fitting), now_s)
     _report(state, now_s)
     unread = state.routes.limits.not_ready_reason is not None
     unknown = state.session.autopilot is None or unread
@@ -244,7 +247,10 @@ def _take_plan(state: CycleState, awaited: Awaited, answer: PlanAnswer, now_s: f
     if not awaited.first:
         return
     if adopted is not Adoption.TOO_LATE:
-        step = state_machine.planned(state.status, situation(state, now_s), now_s)
+        if answer.stops:
+            state.reports.record("tour", now_s, stops=list(answer.stops))
+        world = situation(state, now_s)
+        step = state_machine.planned(state.status, world, now_s, stops=answer.stops)
         _carry_out(state, step, now_s)
     elif state.status.requested is not None and state.routes.flight is not None:
         # The planner is slower than the flight: the next plan begins at a stop point.
@@ -360,6 +366,8 @@ def _carry_out_one(state: CycleState, effect: Effect, now_s: float) -> tuple[Eff
             state.reports.send_text(severity, text, now_s, action=action, is_new=is_new)
             if condition:
                 state.safety_monitor.note_reported(condition)
+        case LeaveOut(stops):
+            state.reports.record("left_out", now_s, stops=list(stops), reason="energy")
         case FlightEffect.BRAKE:
             state.routes.brake()
         case OverrideConditions(known):

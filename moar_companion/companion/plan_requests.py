@@ -119,8 +119,11 @@ class PlanRequests:
         first: bool,
         reason: str,
         now_s: float,
+        in_best_order: bool = False,
     ) -> None:
         """Requests a task's plan; drops the request that was pending.
+
+        in_best_order: the planner puts the task's stops into the best order.
 
         The task's weights are calibrated from the start of its first plan, so that the same risks
         give the same weights along the whole flight.
@@ -140,6 +143,7 @@ class PlanRequests:
                 risk=basis.risk,
                 adaptation=adaptation,
             ),
+            stops=task.stops if in_best_order and len(task.stops) > 1 else (),
             origin_m=self._origin_m,
             widening_m=basis.widening_m,
             fence=basis.fence,

@@ -72,6 +72,11 @@ class RiskMonitor:
             return None
         return self.contingencies.escape_route(self.risk.meter)
 
+    @property
+    def fitting_stops(self) -> int | None:
+        """Number of the task's stops for which the energy suffices; None: for all, or unknown."""
+        return None if self.contingencies is None else self.contingencies.fitting_stops
+
     def uncertainty_m(self, ahead_s: float) -> float | None:
         """The position's uncertainty after a time, at its last growth; None: never reported.
 

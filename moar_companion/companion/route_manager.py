@@ -12,7 +12,7 @@ from ..planner.adaptation import Adaptation
 from ..planner.plan_values import Plan
 from ..planner.site import Margin
 from ..risk import RiskEstimate
-from ..settings.config import CompanionConfig
+from ..settings.config import CompanionConfig, VisitOrder
 from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts
 from ..texts.text_format import reason_chars, short_name
@@ -210,6 +210,7 @@ class RouteManager:
             first=first,
             reason=reason,
             now_s=now_s,
+            in_best_order=first and self._config.inspection.order is VisitOrder.BEST,
         )
         if not first:
             self._reports.record("replan", now_s, reason=reason)

@@ -104,6 +104,15 @@ class Replanning:
     saves 0.01."""
 
 
+class VisitOrder(str, enum.Enum):
+    """Order in which an inspection visits its targets and their views."""
+
+    BEST = "best"
+    """Of least total cost J, exit included."""
+    FILE = "file"
+    """As in the site file."""
+
+
 class LinkLoss(str, enum.Enum):
     """Action without a ground station."""
 
@@ -200,8 +209,11 @@ class OnFailure(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
-    """Pictures and video of the targets' views."""
+    """Visits of the targets, and pictures and video of their views."""
 
+    order: VisitOrder = VisitOrder.BEST
+    """Order in which an order's targets and views are visited: `best`, of least total cost J, exit
+    included, or that of the `file`."""
     on_failure: OnFailure = OnFailure.HOLD
     """What follows a view that could not be captured: `hold` there, `skip` the target's other
     views, too, or `continue` with the next view."""
@@ -290,8 +302,8 @@ class CompanionConfig:
     gives OFFBOARD to a stream only."""
     commands: Commands = field(default_factory=Commands)
     replanning: Replanning = field(default_factory=Replanning)
-    supervision: Supervision = field(default_factory=Supervision)
     inspection: Inspection = field(default_factory=Inspection)
+    supervision: Supervision = field(default_factory=Supervision)
     recorder: RecorderSettings = field(default_factory=RecorderSettings)
     state: State = field(default_factory=State)
     view: View = field(default_factory=View)

@@ -82,6 +82,18 @@ VIEWS_MISSING = PilotText(
     meaning="the inspection has ended; the record says why",
     remedy="order the inspection again, or take over",
 )
+NO_ENERGY_FOR = PilotText(
+    pattern="no energy for {target}",
+    actions=("left out",),
+    meaning="the battery does not suffice for this last stop of the inspection and the way out",
+    remedy="order the target again with a full battery",
+)
+NO_ENERGY_FOR_MORE = PilotText(
+    pattern="no energy for {target}, {count} more",
+    actions=("left out",),
+    meaning="the same of the last stops of the inspection",
+    remedy="order the targets again with a full battery",
+)
 ABOVE_LANDING_POINT = PilotText(
     pattern="above the landing point",
     actions=("holding",),

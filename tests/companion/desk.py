@@ -24,7 +24,14 @@ from moar_companion.mavlink.autopilots import kind_of, profile
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Site
-from moar_companion.settings.config import Authority, CompanionConfig, Supervision, shipped_configs
+from moar_companion.settings.config import (
+    Authority,
+    CompanionConfig,
+    Inspection,
+    Supervision,
+    VisitOrder,
+    shipped_configs,
+)
 from moar_companion.settings.link_config import LinkConfig
 from sitl.wire import packets
 from tests.vehicles import named_vehicle
@@ -102,6 +109,8 @@ class Desk(ScriptedAutopilot):
         self.planners = PlannerSet(self.planner)
         self.site, self.vehicle = self.planner.site, self.planner.vehicle
         config.setdefault("authority", Authority.STREAM)
+        # Stories name their targets in the order of the visits.
+        config.setdefault("inspection", Inspection(order=VisitOrder.FILE))
         limits = config.pop("supervision", Supervision())
         if limits.position_uncertainty_m is None:
             limits = replace(limits, position_uncertainty_m=KEEP_OUT_M)

@@ -11,6 +11,7 @@ from typing import Any
 from moar_companion.planner.site import Site
 from moar_companion.settings.config import (
     CompanionConfig,
+    Inspection,
     RecorderSettings,
     Replanning,
     Supervision,
@@ -142,6 +143,7 @@ COMPANION: dict[str, Any] = {
         "signed_only": False,
     },
     "replanning": section(Replanning()),
+    "inspection": section(Inspection()),
     "supervision": section(Supervision(position_uncertainty_m=1.4)),
     "recorder": {**section(RecorderSettings()), "directory": "flights"},
     "state": {"directory": "state"},

@@ -207,6 +207,10 @@ OUTSIDE = {
         **dict.fromkeys(("gate_m", "moved_m", "sight_m"), (0.0, FAR)),
         **dict.fromkeys(("timeout_s", "late_s"), (0.0, 3600.1)),
         "least_returns": (-0.1, 1.1),
+        "aim_deg": (0.09, 45.1),
+        "speed_mps": (0.01, 5.1),
+        "turn_rate_dps": (0.09, 90.1),
+        "settle_s": (-0.1, 60.1),
     },
 }
 """The greatest number too small and the least too great, by the last name of a key."""

@@ -24,7 +24,13 @@ from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Site
 from moar_companion.service.recording.calls import Call, RecordedCompanion
-from moar_companion.settings.config import Authority, CompanionConfig, shipped_configs
+from moar_companion.settings.config import (
+    Authority,
+    CompanionConfig,
+    Inspection,
+    VisitOrder,
+    shipped_configs,
+)
 from moar_companion.settings.link_config import LinkConfig
 from moar_companion.settings.perception_config import Perception, Sensor
 from moar_companion.settings.vehicle import Vehicle
@@ -119,6 +125,8 @@ class Lockstep(Aircraft):
             vehicle = named_vehicle(vehicle)
         if lidar_scene is not None:
             config.setdefault("perception", Perception(sensor=Sensor.VELODYNE))
+        # Stories name their targets in the order of the visits.
+        config.setdefault("inspection", Inspection(order=VisitOrder.FILE))
         self.config = CompanionConfig(
             vehicle=shipped_configs(),
             links=(LinkConfig(url=self.link_url, signed=secret is not None),),

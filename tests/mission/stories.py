@@ -112,8 +112,12 @@ class Story:
             state_machine.command(self.status, order, self.last_id, self.world, self.now_s)
         )
 
-    def plan_found(self):
-        return self._took(state_machine.planned(self.status, self.world, self.now_s))
+    def plan_found(self, stops=()):
+        planned = state_machine.planned(self.status, self.world, self.now_s, stops=stops)
+        return self._took(planned)
+
+    def shorten(self, fitting):
+        return self._took(state_machine.shortened(self.status, fitting))
 
     def plan_failed(self, reason="no free path leads there", **why):
         return self._took(state_machine.unplanned(self.status, reason, self.now_s, **why))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from moar_companion.companion.mission.values import FlightEffect, Order
+from moar_companion.companion.mission.values import FlightEffect, LeaveOut, Order
 from moar_companion.companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.companion.safety.condition_types import Action, Override
 from moar_companion.companion.safety.conditions import CONDITIONS
@@ -301,3 +303,41 @@ def test_every_state_is_either_silent_or_streaming():
         "overridden",
         "released",
     }
+
+
+# Order and number of the stops
+
+
+def test_the_stops_are_visited_in_the_order_of_the_plan():
+    flight = story(S.IDLE).order(INSPECTION).plan_found(("second", "first"))
+    assert flight.status.task.stops == ("second", "first")
+    flight.see(mode_ours=True).see(arrived=True, dwell_s=0.0).tick()
+    assert flight.requested == [replace(INSPECTION, stops=("first",))]
+
+
+@pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET])
+def test_stops_that_the_energy_does_not_suffice_for_are_left_out_and_told(state):
+    flight = story(state, replace(INSPECTION, stops=("first", "second", "third", "fourth")))
+    flight.shorten(2)
+    assert flight.status.task == INSPECTION
+    assert flight.said[-1] == "MOAR: no energy for third, 1 more, left out"
+    assert LeaveOut(("third", "fourth")) in flight.effects
+    flight.shorten(1)
+    assert flight.status.task.stops == ("first",)
+    assert flight.said[-1] == "MOAR: no energy for second, left out"
+    assert flight.state == state.value
+
+
+@pytest.mark.parametrize(
+    ("state", "task", "fitting"),
+    [(S.FLYING, INSPECTION, None), (S.FLYING, INSPECTION, 2), (S.HOLDING, INSPECTION, 1)],
+)
+def test_no_stop_is_left_out_otherwise(state, task, fitting):
+    flight = story(state, task)
+    before = flight.status
+    assert flight.shorten(fitting).status == before
+
+
+def test_no_stop_is_left_out_while_another_task_is_requested():
+    flight = story(S.FLYING, INSPECTION).order(EXIT)
+    assert flight.shorten(1).status.task == INSPECTION

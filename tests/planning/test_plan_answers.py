@@ -121,3 +121,22 @@ def test_no_more_than_eight_cells_without_a_path_are_tried_from_outside():
     assert text(answer) == "no free path to target"
     tried = [call.args[1].start_m for call in solve.call_args_list]
     assert len(set(tried)) == len(tried) == 8
+
+
+STOPS = make_site(
+    conductor(5.5, 4.5, 0.1), targets={"far": (8.5, 0.5), "near": (2.5, 0.5)}, exits=[(20.0, 0.0)]
+)
+
+
+def test_several_stops_are_answered_in_the_best_order_with_the_first_ones_plan():
+    answer = answered(STOPS, (0.5, 0.5), stops=("far", "near"))
+    assert answer.stops == ("near", "far")
+    assert answer.plan.request.target == "near"
+    assert answered(STOPS, (0.5, 0.5)).stops == ()
+
+
+def test_the_best_order_counts_from_the_end_of_an_escape_leg():
+    answer = answered(STOPS, (5.5, 4.0), stops=("far", "near"))
+    assert answer.escape_m
+    assert sorted(answer.stops) == ["far", "near"]
+    assert answer.plan.request.target == answer.stops[0]

@@ -182,7 +182,8 @@ def _draw_targets(axes: Any, site: Site, target: str | int | None) -> None:
         )
     if others:
         name = "targets" if target is None else "other targets"
-        axes.plot(*np.array(others).T, **star, markersize=9, color="white", label=name, zorder=5)
+        over = 8 if target is None else 5
+        axes.plot(*np.array(others).T, **star, markersize=9, color="white", label=name, zorder=over)
     for item in site.targets:
         label(axes, item.position_m, item.name, bold=item.name == target)
 

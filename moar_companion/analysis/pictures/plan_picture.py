@@ -19,6 +19,7 @@ from ...planner.plan_values import Plan
 from ...planner.regions import GoalRegion, goal_region
 from ...planner.site import PlanePoint, Site
 from ...settings.vehicle import Vehicle
+from ...types import Mission
 from .figure import DPI, INK, Page, page_style
 from .labels import place_labels
 from .plan_marks import (
@@ -64,6 +65,48 @@ def draw_plan(
     """
     with page_style():
         page = _draw_page(plan, site, vehicle, maps, alternatives, refined, unmoved)
+        page.figure.savefig(file, format=file_format, dpi=DPI)
+
+
+def draw_tour(
+    plans: Sequence[Plan],
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+    what: str,
+    file: str | PathLike[str] | IO[bytes],
+    file_format: str = "png",
+) -> None:
+    """Draw the legs of a tour, the way out last, into a file (png, svg or pdf).
+
+    what: the subject of its title.
+    """
+    with page_style():
+        start_m = _pair(plans[0].request.start_m)
+        landings_m = list(site.landing_m.get(plans[-1].mission, ()))
+        view = view_of(site, vehicle, [start_m, *landings_m])
+        height_in = _PLANE_WIDTH * (view[3] - view[2]) / (view[1] - view[0])
+        whole_width_in = _PLANE_WIDTH + 2 * COLOUR_BAR_IN
+        below_in = _BELOW_PLANE + _LEGEND
+        page = Page(_LEFT + whole_width_in + _RIGHT, _TITLE + height_in + below_in)
+        plane = page.panel(_LEFT, below_in, _PLANE_WIDTH, height_in)
+        colours = [(draw_plane(plane, site, maps, view), "safety cost")]
+        draw_goal(plane, site, maps, Mission.INSPECTION, None, None)
+        fastest_mps = max(float(plan.waypoints.speed_mps.max(initial=0.0)) for plan in plans)
+        speeds = [draw_path(plane, plan, fastest_mps) for plan in plans]
+        colours += [(item, "speed (m/s)") for item in speeds[:1] if item is not None]
+        for plan in plans:
+            if not plan.mission.visits_targets:
+                draw_goal(plane, site, maps, plan.mission, None, _region(plan, site, vehicle, maps))
+            leg = plan.landing_leg
+            if leg is not None:
+                landing_m = site.landing_m[plan.mission][leg.landing_index]
+                draw_descent(plane, leg.points_m[-1], landing_m)
+        draw_start(plane, start_m, _pair(plans[0].request.velocity_mps))
+        draw_colour_bars(plane, colours)
+        place_labels(plane, np.concatenate([plan.waypoints.position_m for plan in plans]))
+        _draw_legend(page.panel(_LEFT, 0.1, whole_width_in, _LEGEND - 0.1), plane)
+        page.title(_LEFT, site.name, what)
         page.figure.savefig(file, format=file_format, dpi=DPI)
 
 

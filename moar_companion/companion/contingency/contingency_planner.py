@@ -2,10 +2,11 @@
 
 While the aircraft is in the air on a site, an exit and an evacuation from its position are kept
 planned. Their time and energy include the landing leg and the landing. The rest of an inspection,
-from target to target, and the escape routes behind it are planned, too. One plan is requested at a
-time, at lower priority than active plans. A known route stays valid until a newer one exists; the
-flight back to its start is then a part of it. Inputs: pose, active flight, risks, time; plan
-answers. Outputs: plan jobs, `Demands`, and the better escape route.
+from stop to stop, and the escape routes behind it are planned, too; where the energy does not
+suffice for all stops, also those behind the earlier stops (`fitting_stops`). One plan is requested
+at a time, at lower priority than active plans. A known route stays valid until a newer one exists;
+the flight back to its start is then a part of it. Inputs: pose, active flight, risks, time; plan
+answers. Outputs: plan jobs, `Demands`, the better escape route, and the stops that fit.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from ...planner.plan_values import PlanRequest
 from ...planner.plane_fence import PlaneFence
 from ...planner.site import Site
 from ...risk.power import Demands, Meter, PowerModel, landing_s
+from ...risk.power.model import S_PER_H
 from ...settings.risk_model import RiskModel
 from ...settings.vehicle import Vehicle
 from ...status_values import EnergySection, RouteEntry
@@ -33,7 +35,7 @@ from ..guidance.flight_volume import FlightVolume
 from ..guidance.path_follower import PathFollower
 from ..guidance.plan_path import flown
 from ..guidance.trajectory import FloatArray
-from ..mission.values import MissionStatus, Task
+from ..mission.values import MissionStatus
 from ..mission_states import MissionState
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..safety.check_inputs import EscapeRoute
@@ -52,6 +54,8 @@ _ANSWER_TIMEOUT_S = 5.0
 """Timeout of an answer, as for active plans; then the next plan is requested."""
 _FASTEST_MPS = 100.0
 """A velocity estimate above this is wrong: then the plan begins at rest."""
+_TIGHT_FOR_S = 10.0
+"""Time for which the energy must not suffice for a stop: a gust or a step of the charge passes."""
 _ESCAPE_MISSIONS = (Mission.EXIT, Mission.EVACUATION)
 _FLOWN = frozenset({MissionState.FLYING, MissionState.AT_TARGET, MissionState.LANDING_LEG})
 
@@ -75,6 +79,7 @@ class _Asked(NamedTuple):
 class ContingencyInputs:
     """Inputs of contingency planning: the aircraft in the air, and its active flight.
 
+    reserve: fraction of the charge at which the exit begins, so that no stop may be left for it.
     pace: flown fraction of the planned speed. meter: of the batteries.
     fence: of the autopilot, as far as it cuts the site.
     wind_mps: the mean wind over ground, in the site's frame; None where it is unknown. model: the
@@ -91,6 +96,7 @@ class ContingencyInputs:
     failsafes: Failsafes
     pace: float
     meter: Meter
+    reserve: float
     wind_mps: Vector | None
     model: RiskModel
 
@@ -127,6 +133,12 @@ class ContingencyPlanner:
         self._flown: Mission | None = None
         self.better: Mission | None = None
         """The escape route that takes less energy, or is active; None while there is none."""
+        self.fitting_stops: int | None = None
+        """Number of the active task's stops, from the next one on, for which the energy suffices,
+        with the way out, if it has not sufficed for all for some time; at least 1. None: for all,
+        or unknown."""
+        self._tight_s: float | None = None
+        """Time since which the energy does not suffice for all stops; None: it does, or unknown."""
 
     def take_vehicle(self, vehicle: Vehicle, power: PowerModel) -> None:
         """Takes the vehicle with the settings in force; the next routes are planned for it."""
@@ -163,6 +175,7 @@ class ContingencyPlanner:
         self._asked, self.demands, self._finish, self.better = None, None, None, None
         self._queue, self._routes, self._out, self._due_s = [], {}, {}, -math.inf
         self._flown, self._wind_mps = None, None
+        self.fitting_stops, self._tight_s = None, None
 
     def energy_forecast(self, meter: Meter) -> EnergySection:
         """Energy left, and demand of each route."""
@@ -225,7 +238,8 @@ class ContingencyPlanner:
         if task is not None and task.stops:
             for stop, following in itertools.pairwise(task.stops):
                 yield _Question(stop, Mission.INSPECTION, following)
-            yield from (_Question(task.stops[-1], mission) for mission in self._outwards)
+            last = task.stops[-1:] if self._tight_s is None else reversed(task.stops)
+            yield from (_Question(stop, mission) for stop in last for mission in self._outwards)
 
     def _ask_next(
         self, scene: ContingencyInputs, questions: tuple[_Question, ...], now_s: float
@@ -333,6 +347,7 @@ class ContingencyPlanner:
         ordered = task is not None and (status.state in _FLOWN or task.flown)
         self._flown = task.mission if task is not None and ordered else None
         self._finish = None if self._flown is None else self._ahead(scene, scene.pace)
+        self._fit(scene)
         self._out = self._escape_routes(scene.pose.position_m)
         if self._flown in self._out:
             planned = self._out[self._flown]
@@ -346,6 +361,47 @@ class ContingencyPlanner:
         self.demands = self._with_escape_routes(
             Demands(flown=ordered, finish_wh=energy_wh_of(self._finish))
         )
+
+    def _fit(self, scene: ContingencyInputs) -> None:
+        """Updates `fitting_stops`."""
+        self.fitting_stops = None
+        task = scene.status.task
+        count = 0 if task is None or self._flown is None else len(task.stops)
+        if count < 2 or self._fits(scene, count) is not False:
+            self._tight_s = None
+            return
+        if self._tight_s is None:
+            self._tight_s = self._now_s
+        if self._now_s - self._tight_s < _TIGHT_FOR_S:
+            return
+        while count > 1:
+            count -= 1
+            fits = self._fits(scene, count)
+            if fits is None:
+                return
+            if fits or count == 1:
+                self.fitting_stops = count
+                return
+
+    def _fits(self, scene: ContingencyInputs, count: int) -> bool | None:
+        """True if the energy suffices for the next `count` stops and the way out; None: unknown.
+
+        The charge at the last of them is above that of the exit, and the way out leaves the
+        reserve.
+        """
+        task, flight = scene.status.task, self._active(scene, scene.pace)
+        if task is None or flight is None:
+            return None
+        stops = task.stops[:count]
+        visits, out = self._visits(stops, flight, scene.pace), self._way_out(stops[-1])
+        if visits is None or out is None:
+            return None
+        until_s = scene.meter.until_s(self._power, scene.reserve)
+        left_s = scene.meter.left_after_s(self._power, visits.then(out).energy_wh)
+        if until_s is None or left_s is None:
+            return None
+        visits_s = visits.energy_wh / self._power.hover_w * S_PER_H
+        return until_s > visits_s and left_s > self._power.reserve_s
 
     def _instead_of_exit(self, full_pace: RouteCost | None, meter: Meter) -> Mission | None:
         """The active exit; where it takes too much, an evacuation that takes clearly less.
@@ -365,8 +421,8 @@ class ContingencyPlanner:
             evacuation_wh=energy_wh_of(self._out[Mission.EVACUATION]),
         )
 
-    def _ahead(self, scene: ContingencyInputs, pace: float) -> RouteCost | None:
-        """The rest of the flight; None where a part is unknown, or the flight was braked."""
+    def _active(self, scene: ContingencyInputs, pace: float) -> RouteCost | None:
+        """The rest of the active plan; None without one, or where the flight was braked."""
         task, flight = scene.status.task, scene.flight
         if task is None or flight is None:
             return None
@@ -374,32 +430,42 @@ class ContingencyPlanner:
             return None
         position_m, duration_s = flight.path.rest()
         rest = self._route_cost(position_m, duration_s / pace, self._now_s)
-        rest = self._exposed(rest, position_m, duration_s / pace, scene.volume)
-        return self._rest(task, rest, self._landing(scene.volume), pace)
+        return self._exposed(rest, position_m, duration_s / pace, scene.volume)
 
-    def _rest(
-        self, task: Task, rest: RouteCost, landing: RouteCost, pace: float
-    ) -> RouteCost | None:
-        """A task's rest, from the rest of the active plan; None where a part is unknown."""
+    def _ahead(self, scene: ContingencyInputs, pace: float) -> RouteCost | None:
+        """The rest of the flight; None where a part is unknown, or the flight was braked."""
+        task, rest = scene.status.task, self._active(scene, pace)
+        if task is None or rest is None:
+            return None
         if task.mission in _ESCAPE_MISSIONS:
-            return rest.then(landing)
+            return rest.then(self._landing(scene.volume))
         if task.done:
             return None
+        visits, out = self._visits(task.stops, rest, pace), self._way_out(task.stops[-1])
+        return None if visits is None or out is None else visits.then(out)
+
+    def _visits(self, stops: tuple[str, ...], rest: RouteCost, pace: float) -> RouteCost | None:
+        """Stays at stops and the legs between them, from the rest of the active plan to the first.
+
+        None where a leg is unknown.
+        """
         total = rest
-        for stop in task.stops:
-            dwell_s = self._site.target(stop).hold_s
-            dwell_wh = self._power.hover_wh(dwell_s)
-            dwell = replace(rest, duration_s=dwell_s, energy_wh=dwell_wh, exposed_s=0.0)
-            total = total.then(dwell)
-        for stop, following in itertools.pairwise(task.stops):
+        for stop in stops:
+            hold_s = self._site.target(stop).hold_s
+            hold_wh = self._power.hover_wh(hold_s)
+            total = total.then(replace(rest, duration_s=hold_s, energy_wh=hold_wh, exposed_s=0.0))
+        for stop, following in itertools.pairwise(stops):
             route = self._routes.get(_Question(stop, Mission.INSPECTION, following))
             if route is None:
                 return None
             total = total.then(route.paced(pace))
-        behind = [_Question(task.stops[-1], mission) for mission in self._outwards]
+        return total
+
+    def _way_out(self, stop: str) -> RouteCost | None:
+        """The better escape route from a stop; None where one is unknown, or none has a path."""
+        behind = [_Question(stop, mission) for mission in self._outwards]
         if any(question not in self._routes for question in behind):
             return None
         out = {question.mission: self._routes[question] for question in behind}
         best = better_of(out, None)
-        route = None if best is None else out[best]
-        return None if route is None else total.then(route)
+        return None if best is None else out[best]

@@ -25,6 +25,7 @@ from .supervised import ESCAPE_MISSIONS, complies_with, is_escape_for, supervise
 from .values import (
     Answer,
     FlightEffect,
+    LeaveOut,
     MissionStatus,
     Order,
     OverrideConditions,
@@ -119,24 +120,32 @@ def command(
     return answer_rejected(status, order_id, pilot_texts.NOTHING_FLOWN())
 
 
-def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
-    """Takes the plan of `requested`; it begins at the aircraft's place at the request."""
-    if status.requested is None:
+def planned(
+    status: MissionStatus, world: Situation, now_s: float, *, stops: tuple[str, ...] = ()
+) -> Step:
+    """Takes the plan of `requested`; it begins at the aircraft's place at the request.
+
+    stops: of `requested`, in the order in which they are visited; () for its own order.
+    """
+    requested = status.requested
+    if requested is None:
         return status, ()
+    if stops:
+        requested = replace(requested, stops=stops)
     in_control = status.state in IN_CONTROL
     ruling = world.ruling.apart_from(status.known)
     if ruling.leading is not None and ruling.action is Action.RELEASE:
         return _released(status, ruling, ruling.leading, world, now_s)
-    if status.state is MissionState.PLANNING and (unfit := _unfit(status.requested, world)):
+    if status.state is MissionState.PLANNING and (unfit := _unfit(requested, world)):
         idle, effects = enter(status, MissionState.IDLE, now_s)
         order_id = status.order_id
         return idle, effects if order_id is None else (
             *effects,
             *answer_rejected(idle, order_id, unfit)[1],
         )
-    found = replace(status, task=status.requested, hold_ordered=False, resumes=False)
+    found = replace(status, task=requested, hold_ordered=False, resumes=False)
     found, effects = enter(
-        replace(found, no_path=status.no_path - {status.requested}),
+        replace(found, no_path=status.no_path - {requested}),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
     )
@@ -182,6 +191,24 @@ def unplanned(
 def blocked(status: MissionStatus, now_s: float) -> Step:
     """Notes that the flown task has no path on from here: another escape route may have one."""
     return status if status.task is None else status.without(status.task, now_s=now_s), ()
+
+
+def shortened(status: MissionStatus, fitting: int | None) -> Step:
+    """Leaves out the last stops of an inspection for which the energy no longer suffices.
+
+    fitting: number of the stops that stay, from the next one on; None: all.
+    """
+    task, state = status.task, status.state
+    if fitting is None or task is None or status.requested is not None:
+        return status, ()
+    left_out = task.stops[fitting:]
+    if not left_out or state not in {MissionState.FLYING, MissionState.AT_TARGET}:
+        return status, ()
+    text = pilot_texts.NO_ENERGY_FOR(target=left_out[0])
+    if len(left_out) > 1:
+        text = pilot_texts.NO_ENERGY_FOR_MORE(target=left_out[0], count=len(left_out) - 1)
+    shorter = replace(status, task=replace(task, stops=task.stops[:fitting]))
+    return shorter, (SendText(text, "left out", serious=True), LeaveOut(left_out))
 
 
 def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:

@@ -161,6 +161,13 @@ class OverrideConditions:
     """Names of those conditions."""
 
 
+@dataclass(frozen=True, slots=True)
+class LeaveOut:
+    """Effect: record the stops that are left out."""
+
+    stops: tuple[str, ...]
+
+
 class FlightEffect(enum.Enum):
     """Effects without data."""
 
@@ -169,5 +176,5 @@ class FlightEffect(enum.Enum):
     LAND = "ask for the landing, where the configuration allows"
 
 
-Effect = RequestPlan | Answer | SendText | OverrideConditions | FlightEffect
+Effect = RequestPlan | Answer | SendText | OverrideConditions | LeaveOut | FlightEffect
 Step = tuple[MissionStatus, tuple[Effect, ...]]

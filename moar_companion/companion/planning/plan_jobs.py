@@ -24,6 +24,7 @@ from ...planner.plane_fence import PlaneFence
 from ...planner.planner import Planner
 from ...planner.regions import obstacle_room_m
 from ...planner.site import PlanePoint, Site
+from ...planner.tour import best_order
 from ...settings.vehicle import Vehicle
 from ...texts import pilot_texts
 from ...texts.text_format import compass, distance, limit_text
@@ -49,11 +50,13 @@ class PlanJob:
     origin_m: start of the calibration of weights; None for the request's own start. widening_m:
     obstacle inflation beyond keep-outs. fence: of the autopilot, as far as it cuts the site.
     failsafes: of the autopilot; cells from which a failsafe would hit an obstacle cost more.
-    narrowed_m: part of the margin that an active escape route omits.
+    narrowed_m: part of the margin that an active escape route omits. stops: of an inspection, to be
+    visited in the best order; () for the request's target.
     """
 
     job_id: int
     request: PlanRequest
+    stops: tuple[str, ...] = ()
     origin_m: PlanePoint | None = None
     widening_m: float = 0.0
     fence: PlaneFence | None = None
@@ -70,11 +73,13 @@ class PlanAnswer:
     inflation. too_wide: a plan exists without inflation. failed: the planner gave no usable answer.
     narrowed_m: part of the margin that the plan omits, since no plan keeps the whole margin.
     would_collide: rejected; an offboard loss or link failsafe on this path would hit an obstacle.
-    detail: the reason as a whole sentence, where that is too long for a pilot's text.
+    detail: the reason as a whole sentence, where that is too long for a pilot's text. stops: of the
+    job, in the best order.
     """
 
     job_id: int
     plan: Plan | None
+    stops: tuple[str, ...] = ()
     reason: str = ""
     escape_m: tuple[PlanePoint, ...] = ()
     reach: FreeDistance | None = None
@@ -88,10 +93,31 @@ class PlanAnswer:
 def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
     """Plans; where the start permits no plan, plans from the end of the escape leg.
 
-    An escape route that the margin blocks is planned with a smaller margin; the position error is
-    kept.
+    Of several stops the first of the best order is planned. An escape route that the margin blocks
+    is planned with a smaller margin; the position error is kept.
     """
     planners.expose(job.failsafes)
+    if not job.stops:
+        return _planned(planners, job)
+    stops = _in_best_order(planners.widened_by(job.widening_m, job.fence), job)
+    first = replace(job, request=replace(job.request, target=stops[0]))
+    return replace(_planned(planners, first), stops=stops)
+
+
+def _in_best_order(planner: Planner, job: PlanJob) -> tuple[str, ...]:
+    """The stops of a job in the best order from its start, or from the end of the escape leg."""
+    request = job.request
+    start_m = (request.start_m[0], request.start_m[1])
+    if not _may_start(planner, start_m):
+        site, vehicle, maps = planner.site, planner.vehicle, planner.maps
+        corners_m = entry_corners(site, vehicle, maps, start_m, np.zeros_like(maps.occupied))
+        start_m = corners_m[-1] if corners_m else start_m
+        request = replace(request, start_m=start_m, velocity_mps=(0.0, 0.0))
+    return best_order(planner, request, job.stops)
+
+
+def _planned(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
+    """The answer to a job, by its request."""
     job = _calibrated(planners.exact, job)
     cell = planners.exact.maps.grid.cell_of(job.request.start_m)
     if job.narrowed_m and cell is not None and planners.exact.maps.occupied[cell]:
@@ -200,11 +226,10 @@ def _plan_with_entry(
 
     The leg is the shortest one to a free cell from which there is a plan.
     """
-    maps, low_m = planner.maps, planner.site.workspace.floor_at_m(start_m[0])
-    cell = maps.grid.cell_of(start_m)
+    maps = planner.maps
     plan: Plan | None = None
     escape_m: tuple[PlanePoint, ...] = ()
-    if cell is None or maps.occupied[cell] or (low_m is not None and start_m[1] < low_m):
+    if not _may_start(planner, start_m):
         barred = np.zeros_like(maps.occupied)
         for _ in range(_MOST_POCKETS):
             corners_m = entry_corners(planner.site, planner.vehicle, maps, start_m, barred)
@@ -216,6 +241,13 @@ def _plan_with_entry(
                 break
             barred |= pocket(maps, corners_m[-1])
     return plan or planner.solve(request), escape_m
+
+
+def _may_start(planner: Planner, start_m: PlanePoint) -> bool:
+    """True if a plan may begin at a place: in a free cell, not below the minimum altitude."""
+    maps, low_m = planner.maps, planner.site.workspace.floor_at_m(start_m[0])
+    cell = maps.grid.cell_of(start_m)
+    return cell is not None and not maps.occupied[cell] and (low_m is None or start_m[1] >= low_m)
 
 
 def too_far(site: Site, vehicle: Vehicle, place_m: PlanePoint) -> str:

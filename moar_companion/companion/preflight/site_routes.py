@@ -20,6 +20,7 @@ from ...planner.plan_values import Plan, PlanStatus
 from ...planner.planner import Planner
 from ...planner.regions import goal_region
 from ...planner.site import Obstacle, PlanePoint, Site
+from ...risk.power import PowerModel
 from ...settings.vehicle import Vehicle
 from ...types import Mission, Vector
 from ..estimation.pose import Pose
@@ -53,6 +54,13 @@ class SiteRoute:
         autopilots = PROFILES.values() if kind is None else (profile(kind),)
         losses = (item.offboard_loss(Parameters(item.parameters.defaults)) for item in autopilots)
         return max(self._flown_s(planner, loss) for loss in losses if loss is not None)
+
+    def energy_wh(self, planner: Planner, power: PowerModel) -> float:
+        """Energy of the flight in this time, by the powers of the vehicle file."""
+        waypoints = self.plan.waypoints
+        planned_s = np.diff(waypoints.time_s)
+        longer_s = self.flown_s(planner) - float(planned_s.sum())
+        return power.path_wh(waypoints.position_m, planned_s) + power.hover_wh(longer_s)
 
     def _flown_s(self, planner: Planner, loss: OffboardLoss) -> float:
         flight, pose = self._flight(planner, loss)

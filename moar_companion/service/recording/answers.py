@@ -38,10 +38,14 @@ def answer_encoded(answer: PlanAnswer) -> dict[str, Any]:
 
 
 def answer_decoded(planners: PlannerSet, job: PlanJob, data: dict[str, Any]) -> PlanAnswer:
-    """The answer to a job, on the maps that the planner had then."""
+    """The answer to a job, on the maps that the planner had then.
+
+    Older recordings have no stops.
+    """
     plan, reach = data["plan"], None
-    values = {name: data[name] for name in _PLAIN}
+    values = {name: data[name] for name in _PLAIN if name in data}
     values["escape_m"] = tuple((x_m, z_m) for x_m, z_m in data["escape_m"])
+    values["stops"] = tuple(data.get("stops", ()))
     found = None
     if plan is not None:
         planners.expose(job.failsafes)
