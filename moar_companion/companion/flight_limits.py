@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mavlink.autopilots import profile
+from ..mavlink.autopilots.offboard_loss import OffboardLoss
 from ..mavlink.autopilots.parameter_names import Parameters
 from ..mavlink.autopilots.profile import Unreported
 from ..mavlink.session import Session, Severity
@@ -48,6 +49,10 @@ class FlightLimits:
         """Parameters that the autopilot never reported."""
         self._reported: tuple[str, ...] = ()
         """Names of the last text about them."""
+        self._kind: AutopilotKind | None = None
+        self._parameters = Parameters({})
+        """As they were read last, and the offboard loss by them."""
+        self._loss: OffboardLoss | None = None
         self.fence: PlaneFence | None = None
         """Part of the autopilot's fence that cuts the site: plans stay inside."""
         self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
@@ -129,8 +134,11 @@ class FlightLimits:
         if session.autopilot is None:
             return
         kind, parameters = session.autopilot.kind, session.requests.parameters
-        self._learn_unreported(kind, parameters, now_s)
-        self.offboard_loss.learn(kind, parameters, home_m, flight, now_s)
+        if kind is not self._kind or not parameters.are(self._parameters):
+            self._kind, self._parameters = kind, parameters.as_of_now()
+            self._learn_unreported(kind, parameters, now_s)
+            self._loss = profile(kind).offboard_loss(parameters)
+        self.offboard_loss.learn(self._loss, home_m, flight, now_s)
         self._learn_fence(session, tracker, flight)
         if self.watch.learn(kind, parameters, home_m, session.telemetry):
             self.offboard_loss.reconsider(flight)

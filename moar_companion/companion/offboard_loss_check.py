@@ -9,16 +9,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..mavlink.autopilots import profile
 from ..mavlink.autopilots.failsafe_actions import LINKS, FailsafeAction, Failsafes, Trigger
 from ..mavlink.autopilots.offboard_loss import OffboardLoss
-from ..mavlink.autopilots.parameter_names import Parameters
 from ..mavlink.session import Severity
 from ..planner.free_distance import FreeDistance
 from ..settings.config import LossCheck, Supervision
 from ..settings.vehicle import Vehicle
 from ..texts import pilot_texts
-from ..types import AutopilotKind, Mission, Vector
+from ..types import Mission, Vector
 from .estimation.pose import home_moved
 from .guidance.path_follower import PathFollower
 from .guidance.trajectory import FloatArray
@@ -59,14 +57,16 @@ class OffboardLossCheck:
 
     def learn(
         self,
-        kind: AutopilotKind,
-        parameters: Parameters,
+        loss: OffboardLoss | None,
         home_m: Vector | None,
         flight: PathFollower | None,
         now_s: float,
     ) -> None:
-        """Takes the autopilot's parameters and home; checks the current flight or hold by them."""
-        before, self.loss = self.loss, profile(kind).offboard_loss(parameters)
+        """Takes the flight after an offboard loss, None while that is unknown, and home.
+
+        Checks the current flight or hold by them.
+        """
+        before, self.loss = self.loss, loss
         if self.loss is None:
             return
         if self.loss != before:

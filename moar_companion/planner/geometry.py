@@ -7,6 +7,7 @@ are 0.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -23,6 +24,19 @@ def obstacle_distance_m(obstacle: Obstacle, points_m: FloatArray) -> FloatArray:
         offset = points_m - outline[0]
         distance = np.hypot(offset[..., 0], offset[..., 1])
     return np.asarray(np.maximum(distance - obstacle.radius_m, 0.0))
+
+
+def distances_m(obstacles: Sequence[Obstacle], points_m: FloatArray) -> FloatArray:
+    """Distances from points (..., 2) to the surfaces of n obstacles, (..., n)."""
+    outlines = [obstacle.outline_m for obstacle in obstacles]
+    first_m = np.array([outline[0] for outline in outlines]).reshape(-1, 2)
+    offset = points_m[..., None, :] - first_m
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    for index, outline in enumerate(outlines):
+        if len(outline) > 1:
+            distance[..., index] = polygon_distance_m(np.asarray(outline), points_m)
+    radii_m = np.array([obstacle.radius_m for obstacle in obstacles])
+    return np.asarray(np.maximum(distance - radii_m, 0.0))
 
 
 def polygon_distance_m(vertices_m: FloatArray, points_m: FloatArray) -> FloatArray:

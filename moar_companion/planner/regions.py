@@ -135,19 +135,15 @@ def landing_leg(
 
 def obstacle_clearance_m(site: Site, points_m: FloatArray) -> FloatArray:
     """d_obs at any points (..., 2), also outside the grid; inf without obstacles."""
-    clearance = np.full(points_m.shape[:-1], np.inf)
-    for obstacle in site.obstacles:
-        np.minimum(clearance, geometry.obstacle_distance_m(obstacle, points_m), out=clearance)
-    return clearance
+    distances_m = geometry.distances_m(site.obstacles, points_m)
+    return np.asarray(distances_m.min(axis=-1, initial=np.inf))
 
 
 def obstacle_room_m(site: Site, points_m: FloatArray) -> FloatArray:
     """From any points (..., 2) to the nearest keep-out: (...); inf without obstacles."""
-    room = np.full(points_m.shape[:-1], np.inf)
-    for obstacle in site.obstacles:
-        distance = geometry.obstacle_distance_m(obstacle, points_m)
-        np.minimum(room, distance - obstacle.keep_out_m, out=room)
-    return room
+    keep_out_m = np.array([item.keep_out_m for item in site.obstacles])
+    rooms_m = geometry.distances_m(site.obstacles, points_m) - keep_out_m
+    return np.asarray(rooms_m.min(axis=-1, initial=np.inf))
 
 
 def narrowest(

@@ -731,8 +731,7 @@ def causes(look: Look) -> dict[str, str]:
     A required measurement that is missing is a cause. A reported value counts until the next one,
     at any age: only a measurement ends a cause.
     """
-    found = ((row.name, row.cause(look)) for row in CONDITIONS)
-    return {name: text for name, text in found if text is not None}
+    return {row.name: text for row in CONDITIONS if (text := row.cause(look)) is not None}
 
 
 def conditions(limits: Supervision) -> tuple[Condition, ...]:

@@ -79,6 +79,14 @@ class Parameters(Mapping[str, float | None]):
     def __len__(self) -> int:
         return len(self._values)
 
+    def as_of_now(self) -> Parameters:
+        """A copy, which shows no later change."""
+        return Parameters(dict(self._values), dict(self._names))
+
+    def are(self, earlier: Parameters) -> bool:
+        """True if values and names are those of an earlier copy."""
+        return self._values == earlier._values and self._names == earlier._names
+
     def called(self, key: str) -> Name:
         """Name and unit in the connected firmware; those of the newest release without one."""
         return self._names.get(key, Name(key))
