@@ -37,7 +37,7 @@ names its [schema](schemas) in its first line, as those here do.
 Guides: `links`, `commands`, `signing` ([who may command](guides/commanding.md)), `authority`,
 `resume`, `supervision` ([in flight](guides/flight.md)), `supervision.position_uncertainty_m`
 ([margins](guides/margin.md)), `recorder` ([recordings](guides/recordings.md)), `perception`
-([a lidar](guides/lidar.md)), `mqtt` ([MQTT](MQTT.md)).
+([a lidar](guides/lidar.md)), `mqtt` ([MQTT](MQTT.md)), `page` ([the page](guides/page.md)).
 
 {service}
 

@@ -1,4 +1,4 @@
-"""Findings of `check` on the service: its configuration, folders, socket, broker and sensor."""
+"""Findings of `check` on the service: its configuration, folders, broker, page and sensor."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..errors import InputError, LinkError
 from ..mavlink.urls import parse_url
 from ..planner.site import Site
 from ..service.directories import Directory, recorder_folder, state_folder, view_socket
+from ..service.page_process import listen, read_token
 from ..service.perception_process import tried
 from ..service.stored_parameters import StartSettings
 from ..settings.config import Authority, CompanionConfig
@@ -72,6 +73,7 @@ def service_findings(settings: StartSettings, site: Site | None, *, ports: bool)
         ),
         _view(view_socket(config)),
         _mqtt(config.mqtt),
+        _page(config, ports=ports),
         _perception(config, vehicle, ports=ports),
     ]
     found += _parameters(settings)
@@ -143,6 +145,29 @@ def _mqtt(settings: Mqtt) -> Finding:
         )
     text = f"{address} as {settings.vehicle}{orders}"
     return Finding(level=Level.OK, subject="mqtt", text=text)
+
+
+def _page(config: CompanionConfig, *, ports: bool) -> Finding:
+    """Finding on the page for browsers. ports: True tries its port, too."""
+    settings, subject = config.page, "page"
+    if not settings.enabled:
+        return Finding(level=Level.NOTE, subject=subject, text="none (page.enabled)")
+    try:
+        read_token(settings, str(config.file))
+        if ports:
+            listen(settings.host, settings.port).close()
+    except (InputError, LinkError) as error:
+        return Finding(level=Level.NO_GO, subject=subject, text=str(error))
+    orders = ", takes orders" if settings.takes_orders else ""
+    text = f"http://{settings.host}:{settings.port}{orders}"
+    if orders and settings.host not in _OWN_HOSTS:
+        return Finding(
+            level=Level.WARNING,
+            subject=subject,
+            text=f"{text}: has no TLS, the network can read the token",
+            remedy="use 127.0.0.1 and an SSH tunnel, or a network of your own",
+        )
+    return Finding(level=Level.OK, subject=subject, text=text)
 
 
 def _perception(config: CompanionConfig, vehicle: Vehicle, *, ports: bool) -> Finding:

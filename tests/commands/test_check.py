@@ -476,3 +476,30 @@ def test_a_description_of_an_ouster_that_is_missing_is_no_go(capsys, tmp_path):
     out = capsys.readouterr().out
     assert line in out
     assert f"perception: {tmp_path / 'lidar.json'}: " in out
+
+
+@pytest.mark.parametrize(
+    ("page", "status", "words"),
+    [
+        ("{enabled: false}", 0, "note     page: none (page.enabled)"),
+        ("{enabled: true, port: PORT}", 0, "ok       page: http://127.0.0.1:PORT\n"),
+        ("{enabled: true, port: PORT, token_file: token}", 0, ":PORT, takes orders\n"),
+        (
+            "{enabled: true, port: PORT, token_file: token, host: 0.0.0.0}",
+            0,
+            "has no TLS, the network can read the token; use 127.0.0.1 and an SSH tunnel",
+        ),
+        ("{enabled: true, token_file: none}", 1, "page.token_file: is "),
+    ],
+)
+def test_the_page_is_reported(capsys, tmp_path, unused_udp_port, page, status, words):
+    token = tmp_path / "token"
+    token.touch(mode=0o600)
+    token.write_text("a-token-of-the-page")
+    port = str(unused_udp_port)
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\npage: {page.replace('PORT', port)}\n")
+    assert check("--config", config) == status
+    out = capsys.readouterr().out
+    assert words.replace("PORT", port) in out
+    assert "a-token-of-the-page" not in out

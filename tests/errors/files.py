@@ -165,6 +165,15 @@ COMPANION: dict[str, Any] = {
             "window_s": 10.0,
         },
     },
+    "page": {
+        "enabled": True,
+        "host": "0.0.0.0",
+        "port": 8195,
+        "token_file": "page.token",
+        "token_credential": "page-token",
+        "allowed_hosts": ["drone-1"],
+        "tile_url": "https://tiles.example/{z}/{x}/{y}.png",
+    },
     "perception": {
         "sensor": "velodyne",
         "address": "0.0.0.0",
@@ -242,7 +251,7 @@ EMPTY_IS_NONE = {
         "mqtt.ca_file", "mqtt.certificate_file", "mqtt.key_file", "mqtt.username",
         "mqtt.password_file", "mqtt.password_credential", "mqtt.commands.key_file",
         "mqtt.commands.credential", "perception.sensor", "perception.port",
-        "perception.metadata",
+        "perception.metadata", "page.token_file", "page.token_credential", "page.tile_url",
     },
 }  # fmt: skip
 """Keys whose default is nothing; `key:` without a value says the same."""

@@ -25,6 +25,7 @@ from moar_companion.settings.config import (
     shipped_configs,
 )
 from moar_companion.settings.link_config import KeySource, LinkConfig, LinkRole
+from moar_companion.settings.page_config import PAGE_LINK
 from moar_companion.settings.vehicle import Vehicle
 from moar_companion.settings.yaml_file import model_of
 
@@ -254,3 +255,29 @@ def test_the_shipped_configuration_has_every_key() -> None:
         "links.signed",
         "view",
     }
+
+
+@pytest.mark.parametrize(
+    ("page", "reason"),
+    [
+        ("{host: drone-1}", "page.host: is 'drone-1', must be an address of this computer"),
+        ("{port: 0}", "page.port: is 0, must be at least 1"),
+        ("{allowed_hosts: ['http://a']}", "page.allowed_hosts[0]: is 'http://a', must be the name"),
+        ("{tile_url: 'https://a/b.png'}", "page.tile_url: is 'https://a/b.png', must be http"),
+        ('{tile_url: "https://a/{z}/{x}/{y}\'; x"}', "page.tile_url: is "),
+        ("{token_credential: a/b}", "page.token_credential: is 'a/b', must be the name of a"),
+    ],
+)
+def test_a_wrong_key_of_the_page_is_named(page: str, reason: str, tmp_path: Path) -> None:
+    assert refusal(f"vehicle: v.yaml\npage: {page}\n", tmp_path).startswith(reason)
+
+
+def test_orders_of_the_page_have_a_link_where_it_has_a_token(tmp_path: Path) -> None:
+    for section, takes in (
+        ("{enabled: true, token_file: t}", True),
+        ("{enabled: true, token_credential: t}", True),
+        ("{enabled: true}", False),
+        ("{token_file: t}", False),
+    ):
+        config = load(f"vehicle: v.yaml\npage: {section}\n", tmp_path)
+        assert (PAGE_LINK in config.session_links) == takes
