@@ -114,6 +114,7 @@ export class LiveView {
     this.site = view;
     this.view.setSite(view, this.page.vehicle);
     this.updateTargets();
+    this.moved(view, this.flown, this.state.aircraft?.position_m);
     this.askEscapes();
   }
 

@@ -23,7 +23,8 @@ export class StatusView {
   build() {
     this.title = h("h1", { id: "headline" });
     this.figures = h("dl", { class: "figures" });
-    this.lastText = h("p", { class: "last-text" });
+    this.control = h("strong");
+    this.lastText = h("span");
     const host = h("div");
     this.plane = new PlaneView(host, "The vertical plane of the site");
     this.legend = h("div", { class: "legend" });
@@ -53,7 +54,7 @@ export class StatusView {
     this.energy = new EnergyCard();
     this.losses = h("dl", { class: "rows" });
     this.rows = h("dl", { class: "rows" });
-    this.lead = h("section", { class: "lead", "aria-labelledby": "headline" }, this.title, this.figures, this.lastText);
+    this.lead = h("section", { class: "lead", "aria-labelledby": "headline" }, this.title, this.figures, h("p", { class: "last-text" }, this.control, " ", this.lastText));
     this.below = h("div", { class: "below" });
     const card = (title, ...content) => h("section", { class: "card" }, h("h2", {}, title), ...content);
     this.element = h(
@@ -119,10 +120,10 @@ export class StatusView {
       ["speed", number(aircraft.speed_mps, 1, " m/s")],
       ["clearance", number(aircraft.clearance_m, 1, " m")],
       ["height z", number(aircraft.position_m?.[2], 1, " m")],
-      ["mode", controlWords(this.status)],
     ];
     setRows(this.figures, figures);
-    setText(this.lastText, mission.text ? `Last text, ${duration(mission.text_age_s)} ago: ${mission.text}` : "");
+    setText(this.control, controlWords(this.status));
+    setText(this.lastText, mission.text ? `${duration(mission.text_age_s)} ago: ${mission.text}` : "");
   }
 
   updatePlane() {
