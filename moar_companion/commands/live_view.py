@@ -288,6 +288,8 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
         yield "seen", _perception(status["perception"])
         if (line := status["perception"].get("line")) is not None:
             yield "line", _line(line)
+    if status.get("inspection"):
+        yield "pictures", _pictures(status["inspection"])
     shown = ages if full else {name: ages[name] for name in _VITAL}
     received_ago = [_age(name, age_s) for name, age_s in shown.items()]
     yield "data age, s", Columns(received_ago) if full else Text("  ").join(received_ago)
@@ -348,6 +350,19 @@ def _perception(seen: Status) -> Text:
         return words.append("no scan yet", "magenta")
     words.append(f"scan {_duration(age_s)} ago, {seen['returns']:.0%} of beams")
     return words.append(f"; {seen['refused']} packets refused, {seen['late']} scans late", "dim")
+
+
+def _pictures(inspection: Status) -> Text:
+    """Confirmed pictures, the view that is captured, and what could not be."""
+    words = Text(f"{inspection['pictures']} of {inspection['of']}")
+    if inspection["view"] is not None:
+        words.append(f"; {inspection['view']} {inspection['phase']}")
+    if inspection["reason"] is not None:
+        words.append(f": {printable(inspection['reason'])}", "magenta")
+    if inspection["failed"]:
+        words.append(f"; not captured: {', '.join(inspection['failed'])}", "magenta")
+    camera = printable(inspection["camera"] or "no camera so far")
+    return words.append(f"; {camera}, gimbal {inspection['gimbal']}", "dim")
 
 
 def _line(line: Status) -> Text:

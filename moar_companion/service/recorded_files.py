@@ -14,7 +14,9 @@ from collections.abc import Collection
 from pathlib import Path
 
 _FLIGHT = re.compile(r"flight_\d{8}T\d{6}\.\d{6}Z")
-_FILE = re.compile(r"(?:flight|decisions)(?:-(\d+))?\.(?:tlog|jsonl|mcap)")
+_FILE = re.compile(
+    r"(?:flight|decisions)(?:-(\d+))?\.(?:tlog|jsonl|mcap)|inspection\.(?:jsonl|geojson|csv)"
+)
 
 _logger = logging.getLogger(__name__)
 

@@ -3,6 +3,7 @@
     FOLDER/flight_20261121T114500Z/flight.tlog      packets of both directions, for ground stations
     FOLDER/flight_20261121T114500Z/decisions.jsonl  one JSON object a line: time_s, kind, data
     FOLDER/flight_20261121T114500Z/flight.mcap      all of it, for Foxglove and for exact replay
+    FOLDER/flight_20261121T114500Z/inspection.jsonl and beside it: pictures (`inspection_files`)
 
 A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The offset
 at the start turns the machine's times into wall-clock times. All files therefore agree even when
@@ -31,6 +32,7 @@ from typing import Any, BinaryIO, Generic, Protocol, TypeVar
 from mcap.writer import CompressionType, Writer
 
 from .background_writer import BackgroundWriter, Batches
+from .inspection_files import InspectionFiles, rows_of
 from .recorded_files import make_room, part_name
 
 _PERIOD_S = 0.4
@@ -107,6 +109,7 @@ class Recorder(Generic[Item]):
         self.folder.mkdir(parents=True)
         self._source = source
         self._limits = limits
+        self._inspection = InspectionFiles(self.folder)
         first = _Part(self.folder, 1, source)
         self.ended: OSError | None = None
         """Reason why the recording has ended; None while the flight is recorded."""
@@ -135,11 +138,14 @@ class Recorder(Generic[Item]):
             struct.pack(">Q", round((time_s + self._offset_s) * 1e6)) + packet
             for time_s, packet in packets
         )
-        lines = "".join(self._line(*decision) for decision in decisions).encode()
+        taken = list(decisions)
+        lines = "".join(self._line(*decision) for decision in taken).encode()
         size_bytes = len(stamped) + len(lines)
         if item is not None:
             size_bytes = 3 * size_bytes + _CYCLE_BYTES
-        if size_bytes and not self._writer.put(stamped, lines, item, now_s, size_bytes=size_bytes):
+        rows = rows_of(taken, self._offset_s)
+        batch = (stamped, lines, item, now_s, rows)
+        if size_bytes and not self._writer.put(*batch, size_bytes=size_bytes):
             self.end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
 
     def end(self, error: Exception) -> None:
@@ -164,6 +170,7 @@ class Recorder(Generic[Item]):
             self._keep_room(part)
             for batch in batches:
                 part.write(batch)
+                self._inspection.write([row for *_, rows in batch for row in rows])
                 now_s = batch[-1][3]
                 if part.size_bytes >= self._limits.part_bytes or (
                     now_s - self._began_s >= self._limits.part_s
@@ -219,7 +226,7 @@ class _Part(Generic[Item]):
         self._packets.flush()
         self._decisions.flush()
         if self._mcap is not None and self._source is not None:
-            items = [item for _, _, item, _ in batch if item is not None]
+            items = [item for _, _, item, *_ in batch if item is not None]
             self._mcap.write(self._source.messages(items, last=last))
         _check_kept(self._packets)
 

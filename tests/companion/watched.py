@@ -18,6 +18,7 @@ from moar_companion.planner.planner import Planner
 from moar_companion.settings.perception_config import Perception, Sensor
 from tests.companion.desk import INSPECTION, STEP_S, USER_1, Desk, usual_planner
 from tests.companion.scripted_autopilot import OFFBOARD
+from tests.flights.cameras import with_views
 
 SETTINGS = Perception(sensor=Sensor.VELODYNE, fly_by_line=True)
 
@@ -31,10 +32,12 @@ def conductor(x_m, z_m, name="seen-1"):
 class Watched(Desk):
     """A desk with a working sensor, which sees `conductors` and `solids`."""
 
-    def __init__(self, **options):
+    def __init__(self, *, views=False, **options):
+        """views: True for targets with a view each."""
         usual = usual_planner()
+        site = with_views(usual.site) if views else usual.site
         # Seen obstacles must not change the maps of other tests.
-        super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
+        super().__init__(planner=Planner(site, usual.vehicle), perception=SETTINGS, **options)
         self.conductors, self.solids, self.line = (), (), LineOffset()
         self.works = self.scans = self.sees_line = True
         self.began_s = 0.0

@@ -17,7 +17,7 @@ def status_of(desk):
 
 @functools.cache
 def flying():
-    """A desk in flight, with a sensor; not to be changed."""
-    desk = Watched()
+    """A desk in flight, with a sensor and views; not to be changed."""
+    desk = Watched(views=True)
     desk.conductors = (conductor(40.0, 18.0),)
     return desk.fly(1.0)

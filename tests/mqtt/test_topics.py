@@ -35,7 +35,7 @@ def published(status, publication=None, now_s=0.0):
 
 def test_before_the_first_packet_every_payload_but_plan_and_perception_marks_unknown_values():
     reported = published(status_of(Desk()))
-    assert set(reported) == {topic.name for topic in TOPICS} - {"plan", "perception"}
+    assert set(reported) == {topic.name for topic in TOPICS} - {"plan", "perception", "inspection"}
     assert strict(reported["battery"].payload)["remaining"] is None
     assert strict(reported["position"].payload)["latitude_deg"] is None
     risks = strict(reported["risk"].payload)["risk"]

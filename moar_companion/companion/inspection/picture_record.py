@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from typing import Any
@@ -121,7 +121,7 @@ def iso_utc(utc_s: float) -> str:
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def geojson(rows: list[Mapping[str, Any]]) -> dict[str, Any]:
+def geojson(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """A FeatureCollection of the pictures and videos; rows as in `inspection.jsonl`."""
     return {
         "type": "FeatureCollection",
@@ -147,7 +147,7 @@ def geojson(rows: list[Mapping[str, Any]]) -> dict[str, Any]:
 _PLACE = frozenset({"longitude_deg", "latitude_deg", "altitude_amsl_m"})
 
 
-def csv_text(rows: list[Mapping[str, Any]]) -> str:
+def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     """Pictures as a table with `CSV_COLUMNS`; the label is the file's name, else the number."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -25,6 +25,7 @@ from ...status_values import (
     EnergySection,
     HostSection,
     Indices,
+    InspectionSection,
     LineEntry,
     LinkSection,
     RiskInput,
@@ -204,6 +205,15 @@ class PerceptionPayload(Payload):
     conductors: int
     solids: int
     line: LineEntry
+
+
+@dataclass(frozen=True, kw_only=True, config=_CONFIG)
+class InspectionPayload(InspectionSection, Payload):
+    """Pictures of the views. view: the one at which the flight is, with its phase.
+
+    reason: of its failure. pictures, of: confirmed ones of this inspection, and those that all
+    views ask for. failed: views that could not be captured. gimbal: holder of its control.
+    """
 
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)

@@ -120,6 +120,11 @@ def _perception(status: Status) -> Mapping[str, Any] | None:
     return None if seen is None else {**seen, "conductors": len(seen["conductors"])}
 
 
+def _inspection(status: Status) -> Mapping[str, Any] | None:
+    inspection: Mapping[str, Any] | None = status["inspection"]
+    return inspection
+
+
 def _health(status: Status) -> Mapping[str, Any]:
     return status
 
@@ -137,6 +142,7 @@ TOPICS = tuple(
         ("battery", payloads.BatteryPayload, _battery, 2.0, 0, True),
         ("energy", payloads.Energy, _energy, 2.0, 0, True),
         ("perception", payloads.PerceptionPayload, _perception, 2.0, 0, True),
+        ("inspection", payloads.InspectionPayload, _inspection, None, 1, True),
         ("health", payloads.Health, _health, 2.0, 0, False),
     )
 )
