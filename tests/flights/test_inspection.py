@@ -1,4 +1,4 @@
-"""Flights that capture views, in lockstep: what is captured is in the picture, and nothing twice."""
+"""Flights that capture views, in lockstep: the aim is in the picture, and nothing is taken twice."""
 
 from __future__ import annotations
 
