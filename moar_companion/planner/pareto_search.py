@@ -60,6 +60,31 @@ def _take(labels: Labels, size: int) -> int:
     return taken
 
 
+@jit(BOOL, STEPS, F8, read(F8), I8, I8, F8)
+def _is_dominated(
+    steps: Steps,
+    change: float,
+    least_second: FloatArray,
+    cell: int,
+    heading: int,
+    second_sum: float,
+) -> bool:
+    """True if an earlier path to the cell, by any heading, goes on from it at no greater cost."""
+    moves = steps.offset.size - 1
+    speed = steps.speed[cell, heading]
+    for move in range(1, moves + 1):
+        least = least_second[cell * moves + move - 1]
+        if least > second_sum:
+            continue
+        other = steps.speed[cell, move]
+        dx = speed * steps.axes[0, heading] - other * steps.axes[0, move]
+        dy = speed * steps.axes[1, heading] - other * steps.axes[1, move]
+        dz = speed * steps.axes[2, heading] - other * steps.axes[2, move]
+        if least + change * np.sqrt(dx * dx + dy * dy + dz * dz) <= second_sum:
+            return True
+    return False
+
+
 @jit(
     several(I8, I8, BOOL),
     I8, read(F8), STEPS, CRITERION, CRITERION, read(U1), BOOL, F8, written(F8), LABELS, written(I8),
@@ -85,9 +110,10 @@ def pareto_search(
     closeness: 0 for all trade-offs. Otherwise each has one in the answer whose first sum is not
     greater, and whose second is at most 1 + closeness times as great.
 
-    Labels leave the heap by their first bound. So a path is dominated in a state just when an
-    earlier one had no greater second sum there: one number a state decides (`least_second`, which
-    begins infinite, and has one more for the end). `to_go` are exact least costs, each for itself:
+    Labels leave the heap by their first bound. The first cost has no part in changes of velocity.
+    So a path is dominated in a cell just when an earlier one to it had no greater second sum there,
+    the change from its velocity included: one number a state decides (`least_second`, which begins
+    infinite, and has one more for the end). `to_go` are exact least costs, each for itself:
     consistent bounds, up to the rounding of a sum.
     """
     moves = steps.offset.size - 1
@@ -111,16 +137,14 @@ def pareto_search(
             second_bound = second_sum + second.to_go[there, move - 1]
             first_to_go = first.to_go[there, move - 1]
             if (
-                second_sum >= least_second[state]
-                or second_bound * (1.0 + closeness) >= least_second[end]
+                second_bound * (1.0 + closeness) >= least_second[end]
                 or first_to_go == np.inf
+                or _is_dominated(steps, second.change, least_second, there, move, second_sum)
             ):
                 continue
             if count == room:
                 return found, count, False
-            labels.first_sum[count] = (
-                first_here + first.step[there, move - 1] + first.change * change
-            )
+            labels.first_sum[count] = first_here + first.step[there, move - 1]
             labels.second_sum[count] = second_sum
             labels.first_bound[count] = labels.first_sum[count] + first_to_go
             labels.second_bound[count] = second_bound
@@ -135,18 +159,19 @@ def pareto_search(
             label = _take(labels, size)
             size -= 1
             state = labels.state[label]
-            if (
-                labels.second_sum[label] < least_second[state]
-                and labels.second_bound[label] * (1.0 + closeness) < least_second[end]
-            ):
-                least_second[state] = labels.second_sum[label]
-                if state < end:
-                    break
+            if labels.second_bound[label] * (1.0 + closeness) >= least_second[end]:
+                continue
+            if state == end:
+                least_second[end] = labels.second_sum[label]
                 ends[found] = label
                 found += 1
                 if found == len(ends):
                     return found, count, False
-        cell, move = state // moves, state % moves + 1
+                continue
+            cell, move, reached = state // moves, state % moves + 1, labels.second_sum[label]
+            if not _is_dominated(steps, second.change, least_second, cell, move, reached):
+                least_second[state] = reached
+                break
         first_here, second_here, parent = labels.first_sum[label], labels.second_sum[label], label
         speed = steps.speed[cell, move]
         vx = speed * steps.axes[0, move]
@@ -156,7 +181,7 @@ def pareto_search(
             if count == room:
                 return found, count, False
             stop = speed if ends_at_rest else 0.0
-            labels.first_sum[count] = first_here + first.behind[cell] + first.change * stop
+            labels.first_sum[count] = first_here + first.behind[cell]
             labels.second_sum[count] = second_here + second.behind[cell] + second.change * stop
             labels.first_bound[count] = labels.first_sum[count]
             labels.second_bound[count] = labels.second_sum[count]

@@ -289,7 +289,7 @@ def _front(
         end = np.array([problem.start])
         change = float(np.sqrt((problem.velocity_mps**2).sum())) if goal.ends_at_rest else 0.0
         return WholeFront(
-            first=first.behind[end] + first.change * change,
+            first=first.behind[end],
             second=second.behind[end] + second.change * change,
             closeness=0.0,
             labels=0,
