@@ -18,6 +18,10 @@ version() {
     dpkg-query --showformat='${Version} ${Status}\n' --show moar-companion
 }
 
+rule_faults() {  # what udev reports when it reads the rules
+    udevadm test /sys/class/tty/tty 2>&1 | grep 61-moar-companion.rules: || true
+}
+
 as_member() {  # as a user who is in the group, and no more
     setpriv --reuid=pilot --regid=pilot --groups=moar-companion "$@"
 }
@@ -52,6 +56,7 @@ tell enabled systemctl is-enabled moar-companion
 tell active systemctl is-active moar-companion
 tell user stat --format %U "/proc/$(systemctl show --value -p MainPID moar-companion)"
 tell unprivileged grep CapEff "/proc/$(systemctl show --value -p MainPID moar-companion)/status"
+tell rules rule_faults
 tell member as_member moar-companion view --once
 tell check setpriv --reuid=moar-companion --regid=moar-companion --clear-groups moar-companion check --files
 tell cached ls /var/cache/moar-companion

@@ -64,19 +64,20 @@ def told(packages, tmp_path_factory):
     run(
         "mmdebstrap",
         "--variant=minbase",
-        "--include=python3.11,systemd-sysv",
+        "--include=python3.11,systemd-sysv,udev",
         '--aptopt=Acquire::Check-Valid-Until "false"',  # a mirror may be a frozen one
         "bookworm",
         str(root),
     )
     for file, name in zip((*packages, STORY), ("old.deb", "new.deb", "story.sh"), strict=True):
         shutil.copy(file, root / name)
-    unit = root / "etc/systemd/system/default.target.wants/story.service"
-    unit.parent.mkdir(parents=True)
-    unit.write_text(
+    units = root / "etc/systemd/system"
+    (units / "story.service").write_text(
         "[Unit]\nAfter=multi-user.target\n[Service]\nType=oneshot\n"
         "ExecStart=/story.sh /old.deb /new.deb\n"
     )
+    (units / "default.target.wants").mkdir()
+    (units / "default.target.wants/story.service").symlink_to("../story.service")
     run(
         "systemd-nspawn",
         "--quiet",
@@ -99,6 +100,7 @@ def test_it_is_installed_without_a_network_and_runs_in_the_units_sandbox(told):
     assert told["unprivileged"] == "CapEff:\t0000000000000000"
     assert "moar-companion[" in told["log"]
     assert '"PRIORITY":"6"' in told["log-fields"]
+    assert told["rules"] == ""
 
 
 def test_members_of_the_group_see_the_service_and_check_runs_as_its_user(told):
