@@ -56,6 +56,22 @@ COMMANDS = {
             f"{PROGRAM} plan site.yaml --mission evacuation --weights 3,1,1 --maps maps.npz",
         ),
     ),
+    "setup": Subcommand(
+        module="setup",
+        summary="find the autopilot, describe the vehicle, write the configuration",
+        description="Find the autopilot on the serial ports at the usual rates, and on UDP; read "
+        "its speeds, battery and limits; ask the rest; write companion.yaml and vehicle.yaml; "
+        "run check; offer the parameters that should be set. It never arms, and sets "
+        "parameters only after a yes, one by one, on a disarmed autopilot. Each question has an "
+        "option. The old files stay until all is answered.",
+        examples=(
+            f"{PROGRAM} setup",
+            f"{PROGRAM} setup --yes --connect serial:/dev/ttyTHS1:921600 --site site.yaml",
+            f"{PROGRAM} setup --parameters autopilot.params",
+            f"{PROGRAM} setup --yes --connect udp::14540 --out . --apply",
+            f"{PROGRAM} setup --offline --connect udp::14540 --autopilot px4 --yes --out .",
+        ),
+    ),
     "check": Subcommand(
         module="check",
         summary="check files and aircraft before the flight: go or no-go",

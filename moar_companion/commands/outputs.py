@@ -81,6 +81,32 @@ def replacing(path: str) -> Iterator[IO[bytes]]:
             raise
 
 
+def replace_together(contents: Mapping[Path, str]) -> None:
+    """Writes files that belong together: all take their names when all are complete.
+
+    Until then the old files stay, after an interrupt, too.
+    """
+    parts: dict[Path, Path] = {}
+    signals = {signal.SIGINT, signal.SIGTERM}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    try:
+        for path, text in contents.items():
+            real = _real(str(path))
+            part = real.with_name(f".moar-companion-{os.urandom(8).hex()}.part")
+            parts[part] = real
+            with part.open("x", encoding="utf-8") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+                os.fchmod(stream.fileno(), _mode(real))
+        for part, real in parts.items():
+            part.replace(real)
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 @contextmanager
 def _removed_when_ended(path: Path) -> Iterator[None]:
     """Context in which an interrupt or SIGTERM removes the file and ends the process."""

@@ -145,11 +145,14 @@ class FreeDistance:
         return free_m
 
     def descent_end_m(self, x_m: FloatArray) -> FloatArray:
-        """Heights (n,) at which descents at x (n,) end: above the ground, or the grid's border."""
+        """Heights (n,) at which descents at x (n,) end: half a cell above the ground's cells.
+
+        Without a profile: at the grid's border.
+        """
         ends_m = np.full(len(x_m), self.grid.lower_m[1])
         if self.ground is not None:
             columns, _ = self._cells(np.stack([x_m, ends_m], axis=1))
-            ends_m += self.ground.sum(axis=1)[columns] * self.grid.resolution_m
+            ends_m += (self.ground.sum(axis=1)[columns] + 0.5) * self.grid.resolution_m
         return ends_m
 
     def leads_inwards(self, places_m: FloatArray, directions: FloatArray) -> BoolArray:

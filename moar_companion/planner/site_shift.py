@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from ..errors import InputError
+from ..settings.yaml_edit import end_of
 from ..types import GeodeticPoint
 from .site import FrameShift, Site
 
@@ -52,9 +53,9 @@ def _edited(text: str, origin: GeodeticPoint, shifts: tuple[FrameShift, ...]) ->
     record = f"[{', '.join(map(_flow, shifts))}]"
     if "shifts" in [name.value for name, _ in frame.value]:
         node = _entry(frame, "shifts")
-        edits.append((node.start_mark.index, _end(node), record))
+        edits.append((node.start_mark.index, end_of(node), record))
     else:
-        end = _end(frame.value[-1][1])
+        end = end_of(frame.value[-1][1])
         separator = ", "
         if not frame.flow_style:
             end = text.find("\n", end) if "\n" in text[end:] else len(text)
@@ -76,11 +77,3 @@ def _flow(shift: FrameShift) -> str:
 def _entry(mapping: Any, key: str) -> Any:
     """Node of a key of a mapping node; LookupError where it comes from a merged mapping."""
     return {name.value: value for name, value in mapping.value}[key]
-
-
-def _end(node: Any) -> int:
-    """Index after the last character of a value; the mark of a block is past later comments."""
-    if isinstance(node, yaml.ScalarNode) or node.flow_style or not node.value:
-        return int(node.end_mark.index)
-    last = node.value[-1]
-    return _end(last[1] if isinstance(last, tuple) else last)

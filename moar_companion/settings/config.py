@@ -20,7 +20,7 @@ from .mqtt_config import ORDER_LINK, Mqtt, mqtt_findings
 from .page_config import PAGE_LINK, Page, page_findings
 from .perception_config import Perception, perception_findings
 from .yaml_file import FileFinding
-from .yaml_schema import FileModel, Section, under
+from .yaml_schema import FileModel, LinkUrl, Section, under
 
 _Seconds = Field(gt=0.0, le=3_600.0)
 _Patience = Field(ge=1.0, le=3_600.0)
@@ -80,7 +80,7 @@ class Commands:
     prove who the sender is."""
     components: _Ids = None
     """Component ids that may command; none: any, since ground stations choose theirs freely."""
-    links: Annotated[tuple[str, ...] | None, Field(min_length=1)] = None
+    links: Annotated[tuple[LinkUrl, ...] | None, Field(min_length=1)] = None
     """URLs of the links (`links[].url`) on which commands are accepted; none: all, since many have
     their ground station behind the autopilot."""
     signed_only: bool = False

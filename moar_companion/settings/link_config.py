@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
+from .yaml_schema import LinkUrl
 
 
 class LinkRole(str, enum.Enum):
@@ -21,7 +22,7 @@ class LinkRole(str, enum.Enum):
 class LinkConfig:
     """One link (`mavlink/urls`)."""
 
-    url: str
+    url: LinkUrl
     """`udp:HOST:PORT`, `udpout:HOST:PORT`, `tcp:HOST:PORT` or `serial:DEVICE:BAUD`, each once. USB
     devices by a name in `/dev/serial/by-id`: their numbers (`ttyUSB0`, `ttyACM0`) change. At 57600
     baud only as `serial:`: over UDP and TCP the mode is requested at 50 Hz instead of 20, too much

@@ -56,6 +56,10 @@ def _printable(text: str) -> str:
 
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=100), AfterValidator(_printable)]
+LinkUrl = Annotated[
+    str, StringConstraints(min_length=1, max_length=300), AfterValidator(_printable)
+]
+"""URL of a link: names in `/dev/serial/by-id` have up to 100 characters."""
 _PathText = Annotated[
     str, StringConstraints(min_length=1, max_length=4_000), AfterValidator(_printable)
 ]
@@ -211,7 +215,9 @@ def _file_type(hint: Any) -> Any:
     elif isinstance(bare, type) and issubclass(bare, enum.Enum):
         kind = Annotated[(bare, Strict(strict=False), *limits)]
     else:
-        kind = _limited({Path: FilePath, str: Name}.get(bare, bare), limits)
+        long = any(isinstance(item, StringConstraints) for item in limits)
+        name = str if long else Name
+        kind = _limited({Path: FilePath, str: name}.get(bare, bare), limits)
     return kind | None if optional else kind
 
 

@@ -204,6 +204,20 @@ def test_a_level_return_hits_the_hill_and_a_landing_on_it_does_not():
     assert reach.nearest((10.0, 6.5)) == "ground"
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_no_descent_hits_the_ground_that_it_ends_on(seed):
+    rng = random.Random(seed)
+    site = replace(hilly(random_profile(rng)), obstacles=())
+    maps = build_maps(site, VEHICLE)
+    free = np.argwhere(~maps.occupied)
+    places = np.array(maps.grid.lower_m) + (free + 0.5) * maps.grid.resolution_m
+    descent = FailsafeAction(
+        trigger=Trigger.GPS_LOSS, action=AutopilotAction.DESCEND, setting="", drift_m=2.0
+    )
+    mask = exposed_places(Failsafes(actions=(descent,)), maps.reach, places, drifting=True)
+    assert not mask.any()
+
+
 @pytest.mark.parametrize(
     ("ground", "workspace", "words"),
     [

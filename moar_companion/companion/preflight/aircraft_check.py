@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ...mavlink.autopilots import profile
+from ...mavlink.autopilots.offboard_loss import OffboardLoss
 from ...mavlink.autopilots.parameter_names import Parameters
 from ...mavlink.autopilots.parameter_rules import Case, Rule
 from ...mavlink.autopilots.profile import Profile
@@ -55,12 +56,6 @@ _REFUSAL_REMEDIES = {
 _NOT_REPORTED = "look it up in the ground station; if it is there, check again over a better link"
 
 
-def _parameters(autopilot: Profile) -> tuple[str, ...]:
-    """Keys of the parameters requested of an autopilot, each once."""
-    ruled = (rule.parameter for rule in autopilot.rules)
-    return tuple(dict.fromkeys((*ruled, *autopilot.flight_parameters)))
-
-
 def parameter_findings(
     autopilot: Profile,
     parameters: Parameters,
@@ -78,17 +73,8 @@ def parameter_findings(
     loss = autopilot.offboard_loss(parameters)
     if loss is None:
         return []
-    speed = vehicle.speed
-    case = Case(
-        parameters=parameters,
-        loss=loss,
-        objection=objection_level(policy),
-        ground_station_received=ground_station_received,
-        speeds_mps=(speed.horizontal_mps, speed.up_mps, speed.down_mps),
-        max_speed_mps=speed.max_mps,
-        acceleration_mps2=vehicle.guidance.acceleration_mps2,
-        cells=vehicle.risk.cells,
-        battery_full=vehicle.risk.battery_remaining.high,
+    case = judged_case(
+        parameters, loss, vehicle, policy, ground_station_received=ground_station_received
     )
     rules = {rule.parameter: rule for rule in autopilot.rules}
     unread = _Unread(autopilot, parameters, firmware)
@@ -103,6 +89,29 @@ def parameter_findings(
         for key in autopilot.flight_parameters
         if key not in rules and parameters[key] is None
     ]
+
+
+def judged_case(
+    parameters: Parameters,
+    loss: OffboardLoss,
+    vehicle: Vehicle,
+    policy: LossCheck,
+    *,
+    ground_station_received: bool,
+) -> Case:
+    """Context in which the rules judge parameters."""
+    speed = vehicle.speed
+    return Case(
+        parameters=parameters,
+        loss=loss,
+        objection=objection_level(policy),
+        ground_station_received=ground_station_received,
+        speeds_mps=(speed.horizontal_mps, speed.up_mps, speed.down_mps),
+        max_speed_mps=speed.max_mps,
+        acceleration_mps2=vehicle.guidance.acceleration_mps2,
+        cells=vehicle.risk.cells,
+        battery_full=vehicle.risk.battery_remaining.high,
+    )
 
 
 def _judged(rule: Rule, case: Case) -> Finding:
@@ -228,7 +237,7 @@ class Preflight:
             return
         if self._found_s is None:
             self._found_s = now_s
-            session.requests.want_parameters(_parameters(profile(session.autopilot.kind)))
+            session.requests.want_parameters(profile(session.autopilot.kind).checked_parameters)
             session.requests.want_fence()
         self._pose_tracker.update(session.telemetry)
         if now_s >= self._risk_due_s:
@@ -351,7 +360,8 @@ class Preflight:
         fence_known = requests.fence_items is not None or requests.fence_silent
         known = session.telemetry.firmware is not None and fence_known
         return known and all(
-            name in requests.parameters for name in _parameters(profile(session.autopilot.kind))
+            name in requests.parameters
+            for name in profile(session.autopilot.kind).checked_parameters
         )
 
     def _refusals(self) -> list[Finding]:

@@ -50,6 +50,7 @@ from .parameter_rules import (
     speed_limits,
     switch,
     time_on_last_setpoint,
+    volts_a_cell,
     where_zero,
 )
 from .profile import FailsafeText, Profile
@@ -440,6 +441,7 @@ _RULES = (
         judge=time_on_last_setpoint,
         meaning="time for which ArduPilot follows the last setpoint after a companion failure",
         remedy="set 0.5",
+        advised=0.5,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -451,6 +453,7 @@ _RULES = (
         ),
         meaning="hold of position and velocity in GUIDED",
         remedy="clear bits 4 and 5",
+        advised=lambda value, _: int(value) & ~0b110000,
         unknown=Level.NO_GO,
     ),
     excepts_us("FS_OPTIONS", "remote control", "GUIDED"),
@@ -459,18 +462,21 @@ _RULES = (
         judge=excepted(reaction(_RADIO, none=Level.WARNING), ("FS_OPTIONS", 2), "not in GUIDED"),
         meaning="ArduPilot's action when the remote control is lost",
         remedy="set 3 (land) or 7 (brake, or land)",
+        advised=7,
     ),
     Rule(
         parameter="FS_GCS_ENABLE",
         judge=reaction(_GROUND_STATION),
         meaning="ArduPilot's action when the ground station is lost",
         remedy="set 5 (land), 7 (brake, or land) or 0 (nothing)",
+        advised=7,
     ),
     Rule(
         parameter="FS_EKF_ACTION",
         judge=choice({value: verdict for value, (_, verdict) in _ESTIMATOR.items()}),
         meaning="ArduPilot's action when its position is lost",
         remedy="set 1 (land)",
+        advised=1,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -478,6 +484,7 @@ _RULES = (
         judge=_variance,
         meaning="variance of the estimator at which that action starts",
         remedy="set 0.8",
+        advised=0.8,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -492,6 +499,7 @@ _RULES = (
         ),
         meaning="ArduPilot's action with GPS lost, when its position estimate uses the wind alone",
         remedy="set 1 (land)",
+        advised=1,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -509,6 +517,7 @@ _RULES = (
         ),
         meaning="ArduPilot's action at its fence",
         remedy="set 4 (brake, or land)",
+        advised=4,
     ),
     Rule(
         parameter="BATT_MONITOR",
@@ -538,12 +547,14 @@ _RULES = (
         judge=cell_voltage(3.3),
         meaning="the voltage of a low battery",
         remedy="set 3.5 V a cell",
+        advised=volts_a_cell(3.5),
     ),
     Rule(
         parameter="BATT_CRT_VOLT",
         judge=cell_voltage(3.1),
         meaning="the voltage of a critical battery",
         remedy="set 3.3 V a cell",
+        advised=volts_a_cell(3.3),
     ),
     *(
         Rule(
@@ -564,6 +575,7 @@ _RULES = (
         judge=landing_speed(_LANDING_MPS),
         meaning="the speed of ArduPilot's landing",
         remedy="set 0.5, or land with more charge",
+        advised=0.5,
     ),
     *speed_limits("ArduPilot", ("WP_SPD", "WP_SPD_UP", "WP_SPD_DN"), unknown=Level.NOTE),
     *follows_setpoints("ArduPilot", (("WP_ACC", "level"), ("WP_ACC_Z", "up and down"))),
@@ -635,6 +647,9 @@ PROFILE = Profile(
     stray_s2=0.0,
     landing_mps=_LANDING_MPS,
     landed_hover_s=1.0,  # the motors stop after 3 s
+    speed_parameters=("WP_SPD", "WP_SPD_UP", "WP_SPD_DN"),
+    cells_parameter=None,
+    capacity_parameter="BATT_CAPACITY",
     tilt_limits=("PSC_ANGLE_MAX", "ATC_ANGLE_MAX"),  # AC_PosControl: 0 means the second
     hover_thrust="MOT_THST_HOVER",
     parameters=ParameterTable((*_LOSS, *_FAILSAFES, *_FENCE, *_HOLDING, *_CHECKED)),

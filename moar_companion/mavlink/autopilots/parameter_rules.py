@@ -96,6 +96,9 @@ class Rule(NamedTuple):
     """Shown from a warning on."""
     unknown: Level = Level.WARNING
     """Level of a parameter that was not reported: a no-go if its value may be one."""
+    advised: float | Callable[[float, Case], float | None] | None = None
+    """Value that `setup` offers from a warning on, one that is judged better, in our unit; by the
+    present one and the context where it depends on these. None: a person has to choose."""
 
 
 class Reaction(NamedTuple):
@@ -207,6 +210,7 @@ def speed_limits(
             meaning=f"greatest speed of {autopilot} {direction}",
             remedy="set it higher, or the speed of the vehicle file lower",
             unknown=unknown,
+            advised=_asked_speed(axis),
         )
         for axis, (name, direction) in enumerate(
             zip(names, ("level", "upwards", "downwards"), strict=True)
@@ -255,6 +259,7 @@ def follows_setpoints(autopilot: str, names: tuple[tuple[str, str], ...]) -> tup
             meaning=f"acceleration limit of {autopilot} for our setpoints {direction}",
             remedy=remedy,
             unknown=Level.NO_GO,
+            advised=lambda _, case: case.acceleration_mps2,
         )
         for name, direction in names
     )
@@ -269,6 +274,15 @@ def _covers(axis: int) -> Judge:
         return (Level.OK if value >= asked_mps - 1e-3 else Level.WARNING), words
 
     return judge
+
+
+def volts_a_cell(cell_v: float) -> Callable[[float, Case], float | None]:
+    """Advice of a voltage of the whole pack; None while the number of cells is not known."""
+    return lambda _, case: None if case.cells is None else round(case.cells * cell_v, 2)
+
+
+def _asked_speed(axis: int) -> Callable[[float, Case], float | None]:
+    return lambda _, case: case.speeds_mps[axis]
 
 
 def landing_speed(least_mps: float) -> Judge:

@@ -139,6 +139,12 @@ class Profile:
     """Speed of its landing."""
     landed_hover_s: float
     """Hover time with the energy of the motors on the ground until they stop."""
+    speed_parameters: tuple[str, ...]
+    """Parameters of its own cruising speeds level, upwards and downwards, in m/s."""
+    cells_parameter: str | None
+    """Parameter of the battery's number of cells in series."""
+    capacity_parameter: str | None
+    """Parameter of the battery's capacity, in mAh."""
     tilt_limits: tuple[str, ...]
     """Parameters that limit the lean in position control, in degrees; the first above 0 counts."""
     hover_thrust: str | None
@@ -193,6 +199,18 @@ class Profile:
             *self.holding_parameters,
         )
         return tuple(dict.fromkeys(keys))
+
+    @property
+    def checked_parameters(self) -> tuple[str, ...]:
+        """Keys of the parameters that `check` reads, each once."""
+        ruled = (rule.parameter for rule in self.rules)
+        return tuple(dict.fromkeys((*ruled, *self.flight_parameters)))
+
+    @property
+    def setup_parameters(self) -> tuple[str, ...]:
+        """Keys of the parameters that `setup` reads, each once: those of `check`, the vehicle's."""
+        own = (*self.speed_parameters, self.cells_parameter, self.capacity_parameter)
+        return tuple(dict.fromkeys((*filter(None, own), *self.checked_parameters)))
 
     def with_silence(self, parameters: Parameters) -> Parameters:
         """Parameters, with None (never reported) for those of a flight that are awaited."""

@@ -384,6 +384,7 @@ _RULES = (
         judge=time_on_last_setpoint,
         meaning="time for which PX4 keeps the last setpoint after a companion failure",
         remedy="set 0.5",
+        advised=0.5,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -391,6 +392,7 @@ _RULES = (
         judge=_companion_loss,
         meaning="PX4's action after a companion failure",
         remedy="set 5 (hold)",
+        advised=5,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -398,6 +400,7 @@ _RULES = (
         judge=_take_over,
         meaning="take-over by the sticks",
         remedy=lambda case: "set 3" if _by_bits(case) else "set 1",
+        advised=lambda _, case: 3 if _by_bits(case) else 1,
     ),
     excepts_us("COM_RCL_EXCEPT", "remote control", "OFFBOARD"),
     Rule(
@@ -405,6 +408,7 @@ _RULES = (
         judge=excepted(reaction(_RC_LOSS), ("COM_RCL_EXCEPT", 2), "not in OFFBOARD"),
         meaning="PX4's action when the remote control is lost",
         remedy="set 1 (hold) or 3 (land)",
+        advised=1,
         unknown=Level.NO_GO,
     ),
     excepts_us("COM_DLL_EXCEPT", "ground station", "OFFBOARD"),
@@ -413,6 +417,7 @@ _RULES = (
         judge=excepted(reaction(_GCS_LOSS), ("COM_DLL_EXCEPT", 2), "not in OFFBOARD"),
         meaning="PX4's action when the ground station is lost",
         remedy="set 1 (hold), 3 (land) or 0 (nothing)",
+        advised=1,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -420,6 +425,7 @@ _RULES = (
         judge=reaction(_LIMIT_REACTIONS),
         meaning="PX4's action at its fence",
         remedy="set 2 (hold)",
+        advised=2,
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -433,6 +439,7 @@ _RULES = (
         judge=reaction({value: _LIMIT_REACTIONS[value] for value in (0, 1, 3)}),
         meaning="PX4's action when the remaining flight time is that of its return",
         remedy="set 1 (a warning)",
+        advised=1,
         unknown=Level.NOTE,
     ),
     Rule(
@@ -442,6 +449,7 @@ _RULES = (
         ),
         meaning="the flight time after which PX4 returns",
         remedy="set -1 (off), or land before",
+        advised=-1,
         unknown=Level.NOTE,
     ),
     Rule(
@@ -449,6 +457,7 @@ _RULES = (
         judge=reaction(_LIMIT_REACTIONS, falls=Level.WARNING),
         meaning="PX4's action in more wind than COM_WIND_MAX, if that is above 0",
         remedy="set 2 (hold)",
+        advised=2,
         unknown=Level.NOTE,
     ),
     Rule(
@@ -477,6 +486,7 @@ _RULES = (
         judge=landing_speed(_LANDING_MPS),
         meaning="the speed of PX4's landing",
         remedy="set 0.7, or land with more charge",
+        advised=0.7,
     ),
     *speed_limits("PX4", ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")),
     Rule(
@@ -484,6 +494,7 @@ _RULES = (
         judge=_forwarding,
         meaning="forwarding of messages between ground station and companion on TELEM2",
         remedy="set 1",
+        advised=1,
         unknown=Level.NOTE,
     ),
     Rule(
@@ -547,6 +558,9 @@ PROFILE = Profile(
     stray_s2=0.58,
     landing_mps=_LANDING_MPS,
     landed_hover_s=5.0,  # the motors stop after 8 s
+    speed_parameters=("MPC_XY_CRUISE", "MPC_Z_V_AUTO_UP", "MPC_Z_V_AUTO_DN"),
+    cells_parameter="BAT1_N_CELLS",
+    capacity_parameter="BAT1_CAPACITY",
     tilt_limits=("MPC_TILTMAX_AIR",),
     hover_thrust="MPC_THR_HOVER",
     parameters=ParameterTable((*_LOSS, *_FAILSAFES, *_FENCE, *_HOLDING, *_CHECKED)),
