@@ -22,8 +22,7 @@ import numpy as np
 from pymavlink.dialects.v20 import all as mavlink
 
 from sitl.geodesy import Geodetic, TrueFrame
-from sitl.lidar_rays import FloatArray
-from sitl.picture import CameraPose, Lens, PictureScene, Sighting, seen
+from sitl.picture import CameraPose, FloatArray, Lens, PictureScene, Sighting, seen
 
 CAMERA, GIMBAL = mavlink.MAV_COMP_ID_CAMERA, mavlink.MAV_COMP_ID_GIMBAL
 _SHUTTER_S: Final = 0.15

@@ -8,12 +8,17 @@ height, from the middle to the right and down.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
+import yaml
+from pydantic import TypeAdapter, ValidationError
 
 from sitl.geodesy import Geodetic
-from sitl.lidar_rays import FloatArray
-from sitl.lidar_scene import PlacedScene
+from sitl.yaml_input import BadInputError, load_yaml
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,23 +50,21 @@ class PictureScene:
     """x and z of each."""
 
     @classmethod
-    def of(cls, placed: PlacedScene, points: Mapping[str, tuple[float, float]]) -> "PictureScene":
-        """The wires of a lidar's scene, level at their middles, with points."""
-        wires = tuple(
-            (
-                (wire.start_m[0] + wire.end_m[0]) / 2.0,
-                (wire.start_m[2] + wire.end_m[2]) / 2.0 - wire.sag_m,
-                wire.diameter_m,
-            )
-            for wire in placed.scene.wires
-        )
-        return cls(
-            name=placed.name,
-            origin=placed.origin,
-            azimuth_deg=placed.azimuth_deg,
-            wires=wires,
-            points=points,
-        )
+    def load(cls, path: Path) -> "PictureScene":
+        """The scene of a YAML file with these keys; BadInputError when it cannot be used."""
+        try:
+            return _SCENE.validate_python(load_yaml(path))
+        except ValidationError as error:
+            detail = error.errors()[0]
+            key = ".".join(map(str, detail["loc"])) or "file"
+            raise BadInputError(f"{path}: {key}: {detail['msg']}") from None
+
+    def text(self) -> str:
+        """The file."""
+        return yaml.safe_dump(_SCENE.dump_python(self, mode="json"), sort_keys=False)
+
+
+_SCENE = TypeAdapter(PictureScene)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NoReturn
+from typing import TYPE_CHECKING, Final, NoReturn, Protocol
 
-from sitl.autopilot import FakeAutopilot, Options
+from sitl.autopilot import FakeAutopilot, Options, Truth
 from sitl.geodesy import Geodetic
 from sitl.links import LinkOptions
 from sitl.manners import KINDS
@@ -32,11 +32,13 @@ from sitl.yaml_input import BadInputError
 if TYPE_CHECKING:
     from sitl.lidar_scene import PlacedScene
     from sitl.lidar_sender import LidarSender
+    from sitl.payload_sender import PayloadSender
+    from sitl.picture import PictureScene
 
 _PERIOD_S: Final = 0.01
 """Period of the checks of the clock, in real time."""
 _LIDAR_STEP_S: Final = 0.02
-"""Longest step with a lidar, which interpolates poses between steps."""
+"""Longest step with a lidar, which interpolates poses between steps, or a camera."""
 _MAX_LAG_S: Final = 0.5
 """A process that was stopped for longer continues from its own time."""
 _DEFAULT_LINKS: Final = ("companion=udpout:127.0.0.1:14540", "gcs=udpout:127.0.0.1:14550")
@@ -66,6 +68,16 @@ class LidarSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CameraSettings:
+    """Camera and gimbal on the aircraft: their scene, the companion's address, their pictures."""
+
+    scene: "PictureScene"
+    host: str
+    port: int
+    folder: Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """Values of the arguments."""
 
@@ -74,6 +86,7 @@ class Settings:
     speed: float
     truth: Path | None
     lidar: LidarSettings | None
+    camera: CameraSettings | None
 
 
 def read_arguments(arguments: Sequence[str] | None) -> Settings:
@@ -117,6 +130,11 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
     )
     parser.add_argument("--lidar", metavar="HOST:PORT", help="send a VLP-16's packets there by UDP")
     parser.add_argument("--lidar-scene", metavar="FILE", help="objects around the lidar")
+    parser.add_argument(
+        "--camera", metavar="HOST:PORT", help="a camera and a gimbal talk to a companion there"
+    )
+    parser.add_argument("--camera-scene", metavar="FILE", help="what the camera sees")
+    parser.add_argument("--pictures", metavar="DIR", help="its pictures (default: pictures)")
     parser.add_argument("--sign-key", metavar="FILE", help="sign all links with the key in a file")
     args = parser.parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     try:
@@ -125,6 +143,7 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
         home, yaw_deg = _home(args.home)
         signing = None if args.sign_key is None else _sign_options(Path(args.sign_key))
         lidar = _lidar(args.lidar, args.lidar_scene)
+        camera = _camera(args.camera, args.camera_scene, args.pictures)
         kind = KINDS[args.autopilot]
         firmware = None if args.firmware is None else _firmware(args.firmware)
         options = Options(
@@ -156,6 +175,7 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
         speed=args.speed,
         truth=Path(args.truth) if args.truth else None,
         lidar=lidar,
+        camera=camera,
     )
 
 
@@ -222,6 +242,25 @@ def _lidar(address: str | None, scene: str | None) -> LidarSettings | None:
     return LidarSettings(scene=PlacedScene.load(Path(scene)), host=url.host, port=url.port)
 
 
+def _camera(address: str | None, scene: str | None, pictures: str | None) -> CameraSettings | None:
+    if address is None and scene is None and pictures is None:
+        return None
+    if address is None or scene is None:
+        raise _Bad("--camera and --camera-scene: both must be given")
+    try:
+        url = Url.parse(f"udpout:{address}")
+    except ValueError:
+        raise _Bad(f"--camera {address!r}: must be HOST:PORT") from None
+    from sitl.picture import PictureScene  # noqa: PLC0415 -- few simulations have a camera
+
+    return CameraSettings(
+        scene=PictureScene.load(Path(scene)),
+        host=url.host,
+        port=url.port,
+        folder=Path(pictures or "pictures"),
+    )
+
+
 def _sign_options(path: Path) -> SignOptions:
     try:
         return SignOptions.load(path)
@@ -266,13 +305,15 @@ async def run(settings: Settings) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     log = None
-    lidar = None
+    lidar = camera = None
     ports: dict[str, Port] = {}
     try:
         if settings.truth is not None:
             log = TruthLog(settings.truth, settings.options)
         if settings.lidar is not None:
             lidar = _lidar_sender(settings.lidar, settings.options.seed)
+        if settings.camera is not None:
+            camera = _payload_sender(settings.camera)
         for name, url in settings.urls.items():
             ports[name] = await _open(name, url, vehicle)
         print(
@@ -282,7 +323,9 @@ async def run(settings: Settings) -> int:
             ", ".join(f"{name}={url}" for name, url in settings.urls.items()),
             flush=True,
         )
-        await _pace(vehicle, ports, log, lidar, settings.speed, stop)
+        carried = [each for each in (log, lidar, camera) if each is not None]
+        longest_s = PERIOD_S if lidar is None and camera is None else _LIDAR_STEP_S
+        await _pace(vehicle, ports, carried, longest_s, settings.speed, stop)
     except OSError as error:
         print(f"sitl: {printable(str(error))}", file=sys.stderr)
         return 1
@@ -293,6 +336,8 @@ async def run(settings: Settings) -> int:
             log.close()
         if lidar is not None:
             lidar.close()
+        if camera is not None:
+            camera.close()
     return 0
 
 
@@ -306,6 +351,25 @@ def _lidar_sender(settings: LidarSettings, seed: int) -> "LidarSender":
         raise OSError(f"--lidar {address}: {error.strerror or error}") from None
 
 
+def _payload_sender(settings: CameraSettings) -> "PayloadSender":
+    from sitl.payload import PayloadOptions  # noqa: PLC0415 -- few simulations have a camera
+    from sitl.payload_sender import PayloadSender  # noqa: PLC0415
+
+    options = PayloadOptions(scene=settings.scene)
+    try:
+        return PayloadSender(options, settings.host, settings.port, settings.folder)
+    except OSError as error:
+        address = f"{settings.host}:{settings.port}, {settings.folder}"
+        raise OSError(f"--camera {address}: {error.strerror or error}") from None
+
+
+class _Carried(Protocol):
+    """What follows the true states."""
+
+    def step(self, truth: Truth) -> None:
+        """Take the next true state."""
+
+
 async def _open(name: str, url: Url, vehicle: FakeAutopilot) -> Port:
     try:
         return await open_port(url, partial(vehicle.receive, name))
@@ -316,26 +380,24 @@ async def _open(name: str, url: Url, vehicle: FakeAutopilot) -> Port:
 async def _pace(
     vehicle: FakeAutopilot,
     ports: dict[str, Port],
-    log: TruthLog | None,
-    lidar: "LidarSender | None",
+    carried: Sequence[_Carried],
+    longest_s: float,
     speed: float,
     stop: asyncio.Event,
 ) -> None:
     """Step by absolute deadlines, so that errors of sleeping do not add up.
 
-    At a speed that is too high for the machine, the loop still reacts to a stop.
+    At a speed that is too high for the machine, the loop still reacts to a stop. longest_s: of a
+    step of the true states.
     """
-    longest_s = PERIOD_S if lidar is None else _LIDAR_STEP_S
     start = deadline = time.monotonic()
     while not stop.is_set():
         goal_s = (deadline - start) * speed
         while vehicle.time_s + 1e-6 < goal_s and time.monotonic() < deadline + _MAX_LAG_S:
             before_s = vehicle.time_s
             vehicle.step(min(goal_s, before_s + longest_s))
-            if log is not None:
-                log.step(vehicle.truth)
-            if lidar is not None:
-                lidar.step(vehicle.truth)
+            for each in carried:
+                each.step(vehicle.truth)
             for name, data in vehicle.data_to_send():
                 ports[name].send(data)
             if vehicle.time_s == before_s:

@@ -167,7 +167,7 @@ class Inspector:
                     self._shot = self._shot_of(
                         target, site, pose, aim, attitude, aim_error_rad, risk, now_s
                     )
-                    camera.take_picture(now_s)
+                    camera.take_picture()
                 case Ask.START_VIDEO:
                     self._shot = self._shot_of(
                         target, site, pose, aim, attitude, aim_error_rad, risk, now_s

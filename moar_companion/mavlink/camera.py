@@ -50,8 +50,10 @@ _ASK_PERIOD_S = 0.7
 _TRIES = 3
 """Pictures that are taken for one that is confirmed."""
 _BUSY_PERIOD_S = 1.0
-_BUSY_S = 15.0
-"""Longest wait for a camera that is busy: a slow card takes seconds for a burst."""
+_REFUSED_S = {CommandResult.TEMPORARILY_REJECTED: 15.0, CommandResult.FAILED: 5.0}
+"""Longest wait for a camera that refuses a picture and may take it a moment later: a slow card
+takes seconds for a burst. ArduPilot's camera fails while the servo still presses the shutter, and
+within `CAM1_INTRVAL_MIN`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,14 +94,11 @@ class Capture(enum.Enum):
 class _Picture:
     """The picture that was asked for."""
 
-    def __init__(self, command: SentCommand, now_s: float) -> None:
+    def __init__(self, command: SentCommand) -> None:
         self.command = command
-        self.began_s = now_s
-        self.try_s = now_s
         self.tries = 1
         self.asks = 0
         self.ask_s = math.inf
-        self.busy_due_s: float | None = None
         self.refused_s: float | None = None
 
 
@@ -145,12 +144,12 @@ class CameraClient:
 
     # Orders
 
-    def take_picture(self, now_s: float) -> None:
+    def take_picture(self) -> None:
         """Takes one picture; `picture` is then its progress."""
         self._sequence += 1
         self._full = False
         self.picture = Capture.PENDING
-        self._request = _Picture(self._picture_command(), now_s)
+        self._request = _Picture(self._picture_command())
         if self._last_number is None and not self._uses_digicam:
             self._commands.append(self._message_request(_CAPTURE_STATUS))
 
@@ -228,7 +227,7 @@ class CameraClient:
         if message.capture_result == 0:
             request = self._request
             if request is not None and request.command.result is not None:
-                self._try_again(request, now_s)
+                self._try_again(request)
             return
         utc_s = message.time_utc / 1e6 if message.time_utc else None
         url = message.file_url
@@ -302,8 +301,6 @@ class CameraClient:
                     self._without_answer(request)
             case CommandResult.ACCEPTED | CommandResult.IN_PROGRESS:
                 return self._confirmation_due(request, now_s)
-            case CommandResult.TEMPORARILY_REJECTED:
-                self._wait_busy(request, now_s)
             case CommandResult.UNSUPPORTED if self._may_use_digicam:
                 self._use_digicam(request)
             case refusal:
@@ -317,7 +314,7 @@ class CameraClient:
         if now_s < request.ask_s:
             return []
         if request.asks == _ASKS:
-            self._try_again(request, now_s)
+            self._try_again(request)
             return []
         request.asks += 1
         request.ask_s = now_s + _ASK_PERIOD_S
@@ -326,13 +323,13 @@ class CameraClient:
         number = 0 if self._last_number is None else self._last_number + 1
         return self._message_request(asked, number, most=1).due(now_s)
 
-    def _try_again(self, request: _Picture, now_s: float) -> None:
+    def _try_again(self, request: _Picture) -> None:
         if request.tries == _TRIES:
             self._fail(pilot_texts.PICTURE_UNCONFIRMED())
             return
         self._sequence += 1
         request.tries += 1
-        request.asks, request.ask_s, request.try_s = 0, math.inf, now_s
+        request.asks, request.ask_s = 0, math.inf
         request.command = self._picture_command()
 
     def _without_answer(self, request: _Picture) -> None:
@@ -341,21 +338,17 @@ class CameraClient:
         else:
             self._fail(pilot_texts.CAMERA_SILENT())
 
-    def _wait_busy(self, request: _Picture, now_s: float) -> None:
-        if now_s >= request.began_s + _BUSY_S:
-            self._refuse(request, CommandResult.TEMPORARILY_REJECTED, now_s)
-        elif now_s >= request.command.answered_s + _BUSY_PERIOD_S:
-            request.command = self._picture_command()
-
     def _refuse(self, request: _Picture, result: CommandResult, now_s: float) -> None:
-        """Asks whether the card is full, before the refusal counts."""
+        """Asks whether the card is full, and tries again for a time, before the refusal counts."""
         if request.refused_s is None:
             request.refused_s = now_s
             self._commands.append(self._message_request(_CAPTURE_STATUS, most=2))
         if self._full:
             self._fail(pilot_texts.CARD_FULL())
-        elif now_s >= request.refused_s + _CONFIRM_S:
+        elif now_s >= request.refused_s + _REFUSED_S.get(result, _CONFIRM_S):
             self._fail(pilot_texts.PICTURE_REFUSED(result=result_words(result)))
+        elif result in _REFUSED_S and now_s >= request.command.answered_s + _BUSY_PERIOD_S:
+            request.command = self._picture_command()
 
     def _fail(self, reason: str) -> None:
         self._request, self.picture, self.failure = None, Capture.FAILED, reason

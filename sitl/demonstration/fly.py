@@ -13,8 +13,9 @@ import subprocess
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import yaml
@@ -31,6 +32,7 @@ from sitl.scenario import Scenario
 from sitl.terminal import printable
 from sitl.yaml_input import BadInputError
 
+from . import pictures
 from .broker import BrokerError, broker_name, free_tcp_port, running_broker
 from .flight_folder import gather, link_latest, make_folder
 from .judge import judge, read_truth
@@ -40,8 +42,9 @@ from .operator import Operator, OperatorError
 from .pace import kept_speed
 from .page import Page
 from .perceive import ADDED, GIVEN, Perceiving, Sightings, prepare
+from .pictures import Photographing
 from .processes import Process, free_ports, running
-from .real import RealError, RealOptions, numbers_of, running_real
+from .real import Carried, RealError, RealOptions, numbers_of, running_real
 from .screen import Screen, open_screen, print_text
 from .script import LandingPoint, Script
 from .settings import ESCAPE_COMMANDS, Settings, landing_choices, landing_points, read_settings
@@ -72,6 +75,11 @@ def main(arguments: list[str] | None = None) -> int:
             (port,) = free_ports(1)
             perceiving = prepare(settings.out, site, vehicle, port)
             site = perceiving.site
+        photographing = None
+        if settings.pictures:
+            own = settings.pictures == "own"
+            photographing = pictures.prepare(settings.out, settings.site, own=own)
+            site = photographing.site
         if settings.mqtt:
             broker_name()
     except (InputError, BadInputError, RealError, BrokerError) as error:
@@ -83,7 +91,7 @@ def main(arguments: list[str] | None = None) -> int:
             link_latest(settings.out)
         try:
             _compile()
-            problem = _fly(_paced(settings), site, perceiving)
+            problem = _fly(_paced(settings), site, perceiving, photographing)
         except KeyboardInterrupt:
             problem = "stopped by the user"
         return _report(settings, site, vehicle, problem)
@@ -124,7 +132,12 @@ def _vehicle(settings: Settings, site: Site) -> Vehicle:
     return Vehicle.load(file)
 
 
-def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str | None:
+def _fly(
+    settings: Settings,
+    site: Site,
+    perceiving: Perceiving | None,
+    photographing: Photographing | None,
+) -> str | None:
     """Fly the whole flight; the error, or None."""
     companion_port, operator_port = free_ports(2)
     config = settings.out / "companion.yaml"
@@ -135,7 +148,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
         view = scratch / "view.sock"
         values = {
             "vehicle": _VEHICLE_FILE,
-            "site": str(settings.site if perceiving is None else perceiving.given),
+            "site": str(_site_file(settings, perceiving, photographing)),
             "links": [{"url": f"udp:127.0.0.1:{companion_port}", "role": "autopilot"}],
             "recorder": {"directory": str(settings.out)},
             "view": {"socket": str(view)},
@@ -169,7 +182,9 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
         operator = Operator(operator_port, manner, speed=settings.speed, meanwhile=meanwhile)
         stack.callback(operator.close)
         speed = str(settings.speed)
-        autopilot = _autopilot(settings, site, perceiving, companion_port, operator_port)
+        autopilot = _autopilot(
+            settings, site, perceiving, photographing, companion_port, operator_port
+        )
         companion = running(
             "companion",
             log,
@@ -184,7 +199,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             speed=settings.speed,
             height_m=_height_m(site),
             heading_deg=site.frame.azimuth_deg if settings.real and perceiving else None,
-            dwells_s=tuple(target.dwell_s for target in site.targets),
+            dwells_s=tuple(target.hold_s for target in site.targets),
             landings=_landings(site, settings.landing, vehicle),
             battery_falls=_battery_falls(settings.scenario),
             planner_ready=lambda: _PLANNER_READY in log.read_text(encoding="utf-8"),
@@ -197,6 +212,15 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             hint = f"; is --speed {settings.speed:g} too much for this machine?" if fast else ""
             return f"{error}{hint}"
     return None
+
+
+def _site_file(
+    settings: Settings, perceiving: Perceiving | None, photographing: Photographing | None
+) -> Path:
+    """The service's site file."""
+    if perceiving is not None:
+        return perceiving.given
+    return settings.site if photographing is None else photographing.file
 
 
 def _compile() -> None:
@@ -249,6 +273,7 @@ def _autopilot(
     settings: Settings,
     site: Site,
     perceiving: Perceiving | None,
+    photographing: Photographing | None,
     companion_port: int,
     operator_port: int,
 ) -> contextlib.AbstractContextManager[Process]:
@@ -270,9 +295,9 @@ def _autopilot(
                 companion_port=companion_port,
                 operator_port=operator_port,
                 truth=truth,
-                parameters=numbers_of(manner.parameters),
+                parameters=numbers_of(manner.parameters) | _own_parameters(settings),
                 speed=settings.speed,
-                lidar=None if perceiving is None else perceiving.sender,
+                carried=_carried(perceiving, photographing, companion_port),
             )
         )
     return running(
@@ -282,6 +307,7 @@ def _autopilot(
         *("--autopilot", settings.autopilot),
         *("--home", _home(home, None if perceiving is None else site.frame.azimuth_deg)),
         *(() if perceiving is None else perceiving.arguments()),
+        *(() if photographing is None else photographing.arguments(companion_port)),
         *("--link", f"companion=udpout:127.0.0.1:{companion_port}"),
         *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
         *(word for value in manner.parameters for word in ("--param", value)),
@@ -289,6 +315,21 @@ def _autopilot(
         *("--truth", str(truth)),
         *("--speed", str(settings.speed)),
     )
+
+
+def _own_parameters(settings: Settings) -> dict[str, float]:
+    """Parameters of a real autopilot's own camera and gimbal, where these are flown."""
+    return dict(pictures.OWN_PARAMETERS[settings.autopilot]) if settings.pictures == "own" else {}
+
+
+def _carried(
+    perceiving: Perceiving | None, photographing: Photographing | None, companion_port: int
+) -> tuple[Callable[[], Carried], ...]:
+    """What a real autopilot's aircraft carries beside its own."""
+    lidar = () if perceiving is None else (perceiving.sender,)
+    if photographing is None or photographing.own:
+        return lidar
+    return (*lidar, partial(photographing.sender, companion_port))
 
 
 def _home(place: Geodetic, yaw_deg: float | None) -> str:
@@ -328,6 +369,9 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
         given = Site.load(settings.out / GIVEN)
         draw_perceived(seen, flown, site, given, vehicle, picture, added=ADDED)
     faults = [*([problem] if problem else []), *verdict.faults]
+    if settings.pictures:
+        faults += pictures.picture_faults(settings.out, site, own=settings.pictures == "own")
+        print_text(f"pictures {settings.out / pictures.FOLDER}")
     print_text(
         f"least clearance {verdict.least_clearance_m:.2f} m, {len(story.plans)} paths planned"
     )

@@ -65,6 +65,13 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="tell the service rough targets alone: a simulated lidar sees what is there",
     )
+    made.add_argument(
+        "--pictures",
+        nargs="?",
+        const="simulated",
+        choices=("simulated", "own"),
+        help="capture each target with a simulated camera and gimbal; own: with those of --real",
+    )
     made.add_argument("--out", type=Path, metavar="DIR", help="default: flights/ and the time")
     return made
 

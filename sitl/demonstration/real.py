@@ -13,19 +13,23 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from sitl.geodesy import Geodetic
-from sitl.lidar_sender import LidarSender
 
 from .processes import Process, free_ports
-from .truth_recorder import TRUTH_HZ, TruthRecorder
+from .truth_recorder import TRUTH_HZ, TruePose, TruthRecorder
 
 _PX4_MODEL: Final = "sihsim_quadx"
 _PX4_LINKS: Final = "etc/init.d-posix/px4-rc.mavlink"
 _PX4_START: Final = "etc/init.d-posix/rcS"
 _PX4_SYSTEM_ID: Final = "param set MAV_SYS_ID $((px4_instance+1))"
 """Line of the start-up script; the aircraft of any instance is system 1."""
+_PX4_MODULES: Final[Mapping[str, tuple[str, ...]]] = {
+    "MNT_MODE_IN": ("gimbal",),
+    "TRIG_MODE": ("camera_trigger", "camera_feedback"),
+}
+"""Modules that the start-up script starts by a parameter, before it sets those of this run."""
 _COPTER_DEFAULTS: Final = "Tools/autotest/default_params/copter.parm"
 """From the root of ArduPilot's sources; the program is in build/sitl/bin."""
 _FIRST_INSTANCE, _LAST_INSTANCE = 40, 250
@@ -53,11 +57,21 @@ def autopilot_at(path: Path) -> str:
     )
 
 
+class Carried(Protocol):
+    """A sensor on the aircraft."""
+
+    def step(self, truth: TruePose) -> None:
+        """Take the next true pose."""
+
+    def close(self) -> None:
+        """End."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealOptions:
     """A run. folder: its own, made when missing; truth: the log of the true state.
 
-    lidar: makes the lidar that the aircraft carries.
+    carried: makes each sensor that the aircraft carries.
     """
 
     path: Path
@@ -68,7 +82,7 @@ class RealOptions:
     truth: Path
     parameters: Mapping[str, float] = field(default_factory=dict)
     speed: float = 1.0
-    lidar: Callable[[], LidarSender] | None = None
+    carried: tuple[Callable[[], Carried], ...] = ()
 
 
 @contextlib.contextmanager
@@ -78,9 +92,12 @@ def running_real(options: RealOptions) -> Iterator[Process]:
     options.folder.mkdir(parents=True, exist_ok=True)
     (truth_port,) = free_ports(1)
     with contextlib.ExitStack() as stack:
-        look = None
-        if options.lidar is not None:
-            look = stack.enter_context(contextlib.closing(options.lidar())).step
+        carried = [stack.enter_context(contextlib.closing(make())) for make in options.carried]
+
+        def look(pose: TruePose) -> None:
+            for each in carried:
+                each.step(pose)
+
         recorder = TruthRecorder(
             truth_port, options.truth, speed=options.speed, ask=kind == "ardupilot", look=look
         )
@@ -103,6 +120,7 @@ def _px4(options: RealOptions, truth_port: int) -> Process:
     lines = [
         "#!/bin/sh",
         *(f"param set {name} {value:g}" for name, value in values.items()),
+        *(f"{module} start" for name in values for module in _PX4_MODULES.get(name, ())),
         f"mavlink start -x -u {gcs} -r 4000000 -f -o {options.operator_port}",
         f"mavlink stream -r 50 -s GLOBAL_POSITION_INT -u {gcs}",
         f"mavlink start -x -u {onboard} -r 4000000 -f -m onboard -o {options.companion_port}",

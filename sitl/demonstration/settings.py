@@ -45,9 +45,16 @@ class Settings:
     """PX4's build folder or ArduCopter's program; None: the fake."""
     perceive: bool
     """The service's site has rough places alone, and a lidar measures the true obstacles."""
+    pictures: str | None
+    """`simulated`: each target has a view, which a simulated camera captures; `own`: the real
+    autopilot's camera."""
 
     def check(self, site: Site) -> None:
         """Check that the script can be flown on a site; InputError otherwise."""
+        if self.perceive and self.pictures:
+            raise InputError("--pictures", "", "is flown without --perceive alone")
+        if self.pictures == "own" and self.real is None:
+            raise InputError("--pictures", "", "is own, must be simulated without --real")
         if not site.targets or not any(site.landing_m.values()):
             raise InputError(str(self.site), "", "must have targets and landing points to be flown")
         landing_choices(site, self.landing)
@@ -110,4 +117,5 @@ def read_settings(arguments: list[str] | None) -> Settings:
         links_latest=read.out is None,
         landing=landing,
         perceive=read.perceive,
+        pictures=read.pictures,
     )

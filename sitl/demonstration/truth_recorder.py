@@ -25,13 +25,14 @@ _ON_GROUND: Final = int(mavlink.MAV_LANDED_STATE_ON_GROUND)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePose:
-    """True pose of the aircraft. attitude_rad: roll, pitch, yaw."""
+    """True pose and velocity of the aircraft. attitude_rad: roll, pitch, yaw."""
 
     time_s: float
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     attitude_rad: tuple[float, float, float]
+    velocity_ned_mps: tuple[float, float, float]
 
 
 Look = Callable[[TruePose], None]
@@ -42,8 +43,10 @@ def true_pose(message: Any, time_s: float) -> TruePose:
     if message.get_type() == "SIM_STATE":
         latitude_e7, longitude_e7, altitude_m = message.lat_int, message.lon_int, message.alt
         attitude_rad = (message.roll, message.pitch, message.yaw)
+        velocity_ned_mps = (message.vn, message.ve, message.vd)
     else:
         latitude_e7, longitude_e7, altitude_m = message.lat, message.lon, message.alt * 1e-3
+        velocity_ned_mps = (message.vx * 1e-2, message.vy * 1e-2, message.vz * 1e-2)
         w, x, y, z = message.attitude_quaternion
         attitude_rad = (
             math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
@@ -56,6 +59,7 @@ def true_pose(message: Any, time_s: float) -> TruePose:
         longitude_deg=longitude_e7 * 1e-7,
         altitude_amsl_m=altitude_m,
         attitude_rad=attitude_rad,
+        velocity_ned_mps=velocity_ned_mps,
     )
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from moar_companion.planner.site import Site, Target, View
+from sitl.geodesy import Geodetic
 from sitl.payload import PayloadOptions
 from sitl.picture import PictureScene
-
-from .lidar_on_board import scene_of
 
 
 def with_views(site: Site, *, pictures: int = 2, video_s: float = 0.0) -> Site:
@@ -33,7 +32,18 @@ def with_views(site: Site, *, pictures: int = 2, video_s: float = 0.0) -> Site:
 
 def payload_of(site: Site, **options) -> PayloadOptions:
     """Camera and gimbal that see the site's wires, and its aims by the names of their stops."""
-    scene = PictureScene.of(scene_of(site), aims(site.targets))
+    origin = site.frame.origin
+    scene = PictureScene(
+        name=site.name,
+        origin=Geodetic(
+            latitude_deg=origin.latitude_deg,
+            longitude_deg=origin.longitude_deg,
+            altitude_amsl_m=origin.altitude_amsl_m,
+        ),
+        azimuth_deg=site.frame.azimuth_deg,
+        wires=tuple((*item.position_m, 2.0 * item.radius_m) for item in site.conductors),
+        points=aims(site.targets),
+    )
     return PayloadOptions(scene=scene, **options)
 
 

@@ -22,7 +22,7 @@ def found(**options):
 
 
 def take(rig, seconds=5.0):
-    rig.camera.take_picture(rig.now_s)
+    rig.camera.take_picture()
     rig.run(seconds)
     return rig.camera.picture
 
@@ -53,7 +53,7 @@ def test_a_picture_counts_once_it_is_confirmed():
 def test_a_lost_answer_takes_no_second_picture():
     rig = found()
     rig.payload.faults.answers_lost = 1.0
-    rig.camera.take_picture(rig.now_s)
+    rig.camera.take_picture()
     rig.run(0.3)
     rig.payload.faults.answers_lost = 0.0
     rig.run(5.0)
@@ -65,7 +65,7 @@ def test_a_lost_confirmation_is_requested_again_and_no_second_picture_taken():
     rig = found()
     assert take(rig) is Capture.DONE
     rig.payload.faults.confirmations_lost = 1.0
-    rig.camera.take_picture(rig.now_s)
+    rig.camera.take_picture()
     rig.run(1.5)
     assert rig.camera.picture is Capture.PENDING
     rig.run(2.0)
@@ -77,7 +77,7 @@ def test_a_lost_confirmation_is_requested_again_and_no_second_picture_taken():
 def test_a_busy_camera_is_waited_for_and_then_refused():
     rig = found()
     rig.payload.faults.busy = True
-    rig.camera.take_picture(rig.now_s)
+    rig.camera.take_picture()
     rig.run(4.0)
     assert rig.camera.picture is Capture.PENDING
     rig.payload.faults.busy = False
@@ -211,7 +211,7 @@ def test_a_component_that_is_received_late_replaces_the_guess():
 
 def test_a_failed_exposure_is_taken_again():
     rig = found()
-    rig.camera.take_picture(rig.now_s)
+    rig.camera.take_picture()
     rig.run(0.1)
     failed = mavlink.MAVLink_camera_image_captured_message(
         0, 0, 1, 0, 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 9, 0, b""

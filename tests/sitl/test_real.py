@@ -93,7 +93,7 @@ def test_a_lidar_is_mounted_for_the_run_and_removed_after_it(tmp_path):
         def close(self):
             done.append("closed")
 
-    run = replace(options(px4_build(tmp_path / "build"), tmp_path / "run"), lidar=Lidar)
+    run = replace(options(px4_build(tmp_path / "build"), tmp_path / "run"), carried=(Lidar,))
     with running_real(run):
         assert done == []
     assert done == ["closed"]
