@@ -184,6 +184,7 @@ def test_the_check_of_4_7_is_a_go_and_has_its_names():
     assert not {"WPNAV_ACCEL", "RTL_ALT", "WPNAV_SPEED"} & set(found)
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     ("firmware", "name", "value"),
     [((4, 6, 3), "WPNAV_ACCEL", 50.0), ((4, 7, 1), "WP_ACC", 0.5)],

@@ -125,6 +125,7 @@ def test_into_a_pipe_the_view_prints_lines_until_it_is_interrupted(served, numbe
         assert (viewing.returncode, errors) == (0, "")
 
 
+@pytest.mark.slow
 def test_into_a_pipe_a_service_that_hangs_is_distinguished_from_one_that_flies(folder):
     with (
         service(folder, *configured(folder)) as serving,
@@ -177,6 +178,7 @@ def test_without_systemd_and_configuration_there_is_no_view(folder):
         assert "view.sock" not in names
 
 
+@pytest.mark.slow
 def test_a_second_service_leaves_the_view_to_the_first(view, served, folder):
     with service(folder, *configured(folder, served)) as second:
         second.terminate()

@@ -182,6 +182,7 @@ def test_the_loss_of_the_ground_station_has_the_configured_action(action):
     assert (desk.state, flown(desk)) == expected[action]
 
 
+@pytest.mark.slow
 def test_another_ground_station_does_not_hide_the_loss_of_the_operators():
     desk = Desk()
     ground_station(desk, 255, seconds=11)

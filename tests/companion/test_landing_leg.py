@@ -145,6 +145,7 @@ def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(
     desk.run_until("landing_leg", 60.0)
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     ("order", "behind_m"),
     [
@@ -268,6 +269,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg():
     assert len(desk.jobs) == asked + 1
 
 
+@pytest.mark.uncounted
 def test_under_engage_an_order_for_the_rest_of_the_leg_waits_for_the_pilot_to_give_the_mode():
     desk = on_its_leg(authority=Authority.ENGAGE)
     desk.send_heartbeat(AUTO_HOLD).run(3.0)

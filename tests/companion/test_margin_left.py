@@ -200,6 +200,7 @@ def test_in_a_gust_an_ordered_exit_is_planned_without_the_momentary_tracking_err
     assert desk.jobs[-1].widening_m == 0.0
 
 
+@pytest.mark.uncounted
 def test_in_a_gust_contingencies_are_planned_without_the_momentary_tracking_error():
     desk = in_a_gust()
     begun = len(desk.contingency_jobs)

@@ -148,6 +148,7 @@ def test_ardupilots_landing_is_requested_above_the_landing_point():
     assert [(m.param1, m.param2) for m in desk.mode_requests()] == [(1, 9)]
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
 def test_an_unanswered_mode_request_is_repeated_twice_and_then_left_to_the_pilot(autopilot):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE)
@@ -222,6 +223,7 @@ def test_a_mission_ordered_above_the_landing_point_is_not_ended_by_the_landing()
     assert not desk.mode_requests()
 
 
+@pytest.mark.slow
 def test_a_mission_that_is_denied_above_the_landing_point_leaves_the_landing_request_on():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
     desk.plan_delay_s = 2.5
@@ -247,6 +249,7 @@ def test_a_landing_that_does_not_begin_is_requested_twice_more_and_then_left_to_
     assert reported == ["MOAR: the landing has not begun, choose LAND"]
 
 
+@pytest.mark.uncounted
 def test_a_hold_ordered_between_two_landing_requests_ends_the_requests():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     assert len(desk.mode_requests()) == 1
@@ -280,6 +283,7 @@ def test_a_pilot_who_ends_the_requested_landing_keeps_control():
     assert len(desk.mode_requests()) == requests
 
 
+@pytest.mark.uncounted
 def test_no_landing_is_requested_beside_the_landing_point():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=1.1)
     assert len(desk.mode_requests()) == 1
@@ -289,6 +293,7 @@ def test_no_landing_is_requested_beside_the_landing_point():
     assert len(desk.mode_requests()) > 1
 
 
+@pytest.mark.slow
 def test_without_engage_the_pilot_lands():
     desk = Desk().come_to("holding", EXIT, then_s=5.0)
     assert not desk.mode_requests()

@@ -30,6 +30,7 @@ INNER = 1.0
 # Before the flight ------------------------------------------------------------------------------
 
 
+@pytest.mark.uncounted
 def test_no_mission_starts_before_the_parameters_are_received_or_given_up():
     desk = Desk()
     desk.parameters = {}
@@ -53,6 +54,7 @@ def test_an_order_at_the_start_waits_for_the_autopilot_and_its_parameters():
     assert not desk.said("rejected")
 
 
+@pytest.mark.uncounted
 def test_no_mission_starts_before_the_failsafe_parameters_are_received_or_given_up():
     desk = Desk()
     del desk.parameters["NAV_DLL_ACT"]
@@ -151,6 +153,7 @@ def test_a_home_that_moves_behind_the_conductors_in_flight_is_held():
     desk.report_home(27.0).run_until("flying", 4.0).run_until("at_target", 60.0)
 
 
+@pytest.mark.uncounted
 def test_a_hold_for_obstacles_that_have_become_wider_ends_when_they_are_narrower():
     desk = Desk().set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=4.0)

@@ -121,6 +121,7 @@ def test_a_mission_that_cannot_be_planned_is_denied_with_a_text():
     assert not desk.setpoints()
 
 
+@pytest.mark.uncounted
 def test_in_flight_a_mission_that_cannot_be_planned_is_denied_and_the_flight_goes_on():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
@@ -159,6 +160,7 @@ def test_an_order_cancelled_during_planning_is_not_flown_and_its_plan_is_dropped
     assert not desk.setpoints()
 
 
+@pytest.mark.uncounted
 def test_an_order_cancelled_in_flight_is_not_flown_when_its_plan_comes():
     desk = Desk().come_to("flying")
     desk.plan_delay_s = None
@@ -173,6 +175,7 @@ def test_an_order_cancelled_in_flight_is_not_flown_when_its_plan_comes():
     assert desk.run_until("at_target", 60.0).state == "at_target"
 
 
+@pytest.mark.uncounted
 def test_pause_holds_and_continue_resumes_the_mission():
     desk = Desk().come_to("flying", then_s=5.0)
     desk.order(0.0, command=PAUSE_CONTINUE).run(2.0)

@@ -14,6 +14,7 @@ from moar_companion.mavlink.autopilots.failsafe_actions import (
     Trigger,
 )
 from moar_companion.settings.config import Authority, LossCheck, Supervision
+from tests.copies import flown_once
 
 from .desk import DENIED, EXIT, HOLD, INSPECTION, STEP_S, Desk
 
@@ -29,6 +30,7 @@ def grow(desk, rate_mps, seconds, most_m=99.0):
     return desk
 
 
+@flown_once
 def at_inner_target():
     """At the target between the circuits, with escape routes."""
     desk = Desk().set(accuracy_m=0.3)
@@ -80,6 +82,7 @@ def test_a_mission_resumes_when_the_uncertainty_is_small_again():
     desk.set(accuracy_m=0.3).run_until("flying", 12.0)
 
 
+@pytest.mark.uncounted
 def test_an_uncertainty_that_grew_and_is_not_reported_any_more_is_taken_to_grow():
     desk = at_target()
     grow(desk, 0.2, 6.0)
@@ -99,6 +102,7 @@ def test_an_uncertainty_that_is_large_but_steady_starts_no_leg_while_there_is_ro
     assert east_m(desk) - began_m < 1.0
 
 
+@pytest.mark.uncounted
 def test_an_operators_hold_stops_the_leg_and_the_next_order_is_not_refused_for_it():
     desk = at_target()
     grow(desk, 0.3, 5.6)
@@ -111,6 +115,7 @@ def test_an_operators_hold_stops_the_leg_and_the_next_order_is_not_refused_for_i
     assert east_m(desk) == pytest.approx(stopped_m, abs=0.01)
 
 
+@pytest.mark.uncounted
 def test_where_no_place_is_clear_the_pilot_is_told_to_take_over():
     desk = at_target()
     grow(desk, 1.0, 16.0)
@@ -119,6 +124,7 @@ def test_where_no_place_is_clear_the_pilot_is_told_to_take_over():
     assert not moves(desk)
 
 
+@pytest.mark.uncounted
 def test_the_setpoint_of_a_leg_to_a_refuge_never_jumps():
     desk = at_target()
     grow(desk, 0.3, 10.0)
@@ -153,14 +159,14 @@ def test_at_a_lost_fix_one_leg_is_flown_and_then_a_critical_battery_evacuates():
 
 
 def test_a_critical_battery_evacuates_where_a_blind_landing_has_no_refuge(monkeypatch):
-    monkeypatch.setattr(refuge, "refuge_leg", lambda *_: None)
     desk = at_inner_target()
+    monkeypatch.setattr(refuge, "refuge_leg", lambda *_: None)
     desk.set(fix_type=1).run(5.0)
     assert desk.said("no fix: no place near is clear to land")
     desk.set(charge_state=3, battery_percent=6).run_until("flying", 5.0)
 
 
-@pytest.mark.parametrize("accuracy_m", [2.3, 2.6])
+@pytest.mark.parametrize("accuracy_m", [2.3, pytest.param(2.6, marks=pytest.mark.slow)])
 def test_an_evacuation_with_an_uncertain_position_reaches_its_landing_leg(accuracy_m):
     desk = at_inner_target()
     desk.set(charge_state=3, battery_percent=12).run(2.0)
@@ -183,6 +189,7 @@ def test_a_threat_is_looked_at_twice_a_second(monkeypatch):
     assert len(calls) <= 12
 
 
+@pytest.mark.uncounted
 def test_no_leg_begins_above_the_landing_point_while_the_landing_is_requested():
     desk = Desk(authority=Authority.ENGAGE).set(accuracy_m=0.3)
     desk.come_to("holding", EXIT, then_s=1.1)
@@ -197,8 +204,8 @@ def test_no_leg_begins_above_the_landing_point_while_the_landing_is_requested():
 def test_a_landing_that_was_forecast_and_does_not_come_holds_an_evacuation_for_a_limited_time(
     monkeypatch,
 ):
-    monkeypatch.setattr(refuge.Refuge, "_refuge_s", lambda *_: 1.0)
     desk = at_inner_target()
+    monkeypatch.setattr(refuge.Refuge, "_refuge_s", lambda *_: 1.0)
     state = desk.companion.state
     volume, watch = state.routes.flight.path.volume, state.refuge
     land = FailsafeAction(trigger=Trigger.CRITICAL_BATTERY, action=AutopilotAction.LAND, setting="")

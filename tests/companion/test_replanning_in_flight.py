@@ -58,6 +58,7 @@ def plans(desk):
     return [decision.data for decision in desk.decisions if decision.kind == "plan"]
 
 
+@pytest.mark.uncounted
 def test_a_small_risk_does_not_change_the_path(desk, risks):
     for step in range(20):
         risks.indices = RiskIndices(wind=0.15 * (step % 2), communication=0.2 * (step % 3))

@@ -46,6 +46,7 @@ def desk(flight):
     return copied(flight)
 
 
+@pytest.mark.uncounted
 def test_a_conductor_in_the_path_moves_the_path_before_the_aircraft_comes_to_it(desk):
     x_m, z_m = ahead(desk)
     desk.conductors = (conductor(x_m, z_m),)
@@ -78,6 +79,7 @@ def test_the_aircraft_brakes_for_an_obstacle_just_ahead_and_takes_another_path(d
     assert desk.place_m[0] < x_m - 1.0
 
 
+@pytest.mark.uncounted
 def test_without_a_path_round_an_obstacle_the_mission_holds_until_the_obstacle_is_gone(desk):
     desk.solids = (WALL,)
     desk.run(3.0)
@@ -391,6 +393,7 @@ def test_a_second_wall_after_an_exit_over_the_first_holds_again(desk):
     assert any("no path round seen-solid-2" in text for text in desk.texts())
 
 
+@pytest.mark.uncounted
 def test_a_silent_planner_does_not_let_the_aircraft_fly_into_a_seen_obstacle(desk):
     desk.plan_delay_s = None
     x_m, z_m = ahead(desk, 3.0)

@@ -30,8 +30,8 @@ def on_leg():
     return desk.run_until("landing_leg", 60.0).run(0.5)
 
 
-def assert_is_not_hit(desk, spot_m, seconds=LONG_S):
-    assert nearest_m(desk, spot_m, seconds) > desk.vehicle.radius_m + 0.3
+def assert_is_not_hit(desk, spot_m, seconds=LONG_S, end=None):
+    assert nearest_m(desk, spot_m, seconds, end) > desk.vehicle.radius_m + 0.3
 
 
 @pytest.mark.slow
@@ -78,6 +78,7 @@ def test_a_held_landing_leg_is_not_resumed_through_an_obstacle_seen_meanwhile(on
     assert_is_not_hit(desk, spot_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [EXIT, None])
 def test_a_leg_that_a_pilot_took_is_not_resumed_through_an_obstacle_seen_meanwhile(on_leg, order):
     """By the same order, or by `continue`."""
@@ -117,7 +118,8 @@ def test_a_plan_is_not_adopted_whose_leg_an_obstacle_bars_that_was_seen_since_it
     desk.conductors = (conductor(*spot_m),)
     desk.run_until("ready", 5.0)
     desk.set(mode=OFFBOARD)
-    assert_is_not_hit(desk, spot_m, 60.0)
+    assert_is_not_hit(desk, spot_m, 60.0, "holding")
+    assert desk.texts()[-1] == "MOAR: above the landing point, holding"
 
 
 def test_a_free_path_is_taken_at_once_where_an_obstacle_bars_the_leg_of_the_active_path(spot_m):
@@ -130,6 +132,7 @@ def test_a_free_path_is_taken_at_once_where_an_obstacle_bars_the_leg_of_the_acti
     assert desk.companion.state.routes.flight.barred_by is None
 
 
+@pytest.mark.slow
 def test_a_fence_about_an_unknown_home_does_not_hide_seen_obstacles_from_a_flight():
     """ArduPilot has not reported home, and its fence is enabled in flight."""
     desk = exits(autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA).run_until("ready")
@@ -163,7 +166,7 @@ class Pushed(Watched):
         )
 
 
-@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("held", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_an_aircraft_beside_its_setpoint_does_not_return_through_an_obstacle_seen_between(held):
     """Steady wind holds it 2.5 m away, and then abates."""
     desk = Pushed().set(accuracy_m=0.3).fly(1.0)
@@ -207,4 +210,5 @@ def test_a_plan_is_not_adopted_whose_leg_touches_a_keep_out_that_was_seen_since_
     desk.run_until("ready", 5.0)
     desk.set(mode=OFFBOARD)
     least_m = desk.vehicle.radius_m + SETTINGS.keep_out_m
-    assert nearest_m(desk, (35.8, 4.7), 60.0) >= least_m
+    assert nearest_m(desk, (35.8, 4.7), 60.0, "holding") >= least_m
+    assert desk.texts()[-1] == "MOAR: above the landing point, holding"

@@ -104,6 +104,7 @@ def test_the_setpoint_of_the_status_is_the_one_that_was_sent():
     assert math.dist(ned_m, desk.position_ned_m) == pytest.approx(path["error_m"], abs=0.1)
 
 
+@pytest.mark.uncounted
 def test_the_remaining_path_shrinks_to_zero_at_the_target_at_the_reported_speed():
     desk = Desk().come_to("flying", then_s=0.5)
     left = status_of(desk)["path"]

@@ -189,6 +189,7 @@ def test_a_battery_with_another_number_of_cells_is_reported_at_once_and_in_the_r
     assert pilot_text(reason, "rejected") == "MOAR: battery 0: 16.0 V, not 12S, rejected"
 
 
+@pytest.mark.uncounted
 def test_a_mission_of_targets_with_long_names_is_reported_in_single_chunks():
     usual = usual_planner()
     first, *others = usual.site.targets

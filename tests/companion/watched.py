@@ -92,9 +92,17 @@ def ahead(desk, by_m=6.0):
     return points_m[np.argmax(far_m >= by_m)]
 
 
-def nearest_m(desk, place_m, seconds):
-    """Least distance of the aircraft from a place in the plane in the next seconds."""
-    return min(math.dist(desk.step().place_m[::2], place_m) for _ in range(round(seconds / STEP_S)))
+def nearest_m(desk, place_m, seconds, end=None):
+    """Least distance of the aircraft from a place in the plane in the next seconds.
+
+    end: a state, at which the flight is over.
+    """
+    least_m = math.inf
+    for _ in range(round(seconds / STEP_S)):
+        if desk.state == end:
+            break
+        least_m = min(least_m, math.dist(desk.step().place_m[::2], place_m))
+    return least_m
 
 
 def copied(flight):

@@ -58,6 +58,7 @@ def test_without_a_site_there_is_no_energy_forecast():
     assert Desk(with_site=False).run(1.0).companion.state.risk_monitor.energy_forecast is None
 
 
+@pytest.mark.uncounted
 def test_escape_routes_are_replanned_from_the_position_of_the_aircraft():
     desk = desk_with_contingencies().come_to("flying")
     for _ in range(5):
@@ -244,6 +245,7 @@ def test_a_landed_state_no_longer_reported_changes_nothing(landed):
     assert not left_after_exit(desk.run(1.0)).applies
 
 
+@pytest.mark.uncounted
 def test_without_the_landed_state_the_point_of_no_return_starts_an_exit():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=2.0)
@@ -252,6 +254,7 @@ def test_without_the_landed_state_the_point_of_no_return_starts_an_exit():
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
+@pytest.mark.uncounted
 def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=25).run(10.0)
@@ -262,7 +265,10 @@ def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
     assert desk.companion.risk.indices.battery >= before - 0.01
 
 
-@pytest.mark.parametrize("planner", ["has no way", "is silent"])
+@pytest.mark.uncounted
+@pytest.mark.parametrize(
+    "planner", ["has no way", pytest.param("is silent", marks=pytest.mark.slow)]
+)
 def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=4.5)  # just after a round of requests, not just before one
@@ -298,6 +304,7 @@ def test_an_exit_beyond_the_battery_is_replaced_by_an_evacuation():
     assert desk.companion.status.task.mission is Mission.EVACUATION
 
 
+@pytest.mark.uncounted
 def test_a_flown_escape_route_beyond_the_battery_is_reported():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=80)
     desk.come_to("flying", then_s=2.0)
@@ -307,6 +314,7 @@ def test_a_flown_escape_route_beyond_the_battery_is_reported():
     assert desk.said(" s <= 60, exiting")
 
 
+@pytest.mark.uncounted
 def test_a_mission_flown_slowly_takes_longer():
     desk = desk_with_contingencies().come_to("flying", then_s=2.0)
     desk.plan_delay_s = None

@@ -126,7 +126,7 @@ def fly(desk, seconds, off_m=None):
     return desk
 
 
-@pytest.mark.parametrize("end", ["agrees", "an exit"])
+@pytest.mark.parametrize("end", ["agrees", pytest.param("an exit", marks=pytest.mark.slow)])
 def test_a_silent_global_position_does_not_end_a_hold_for_a_disagreement(end):
     desk = fly(Desk().come_to("flying"), 2.0, 0.0)
     fly(desk, 2.0, 45.0)

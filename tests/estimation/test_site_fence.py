@@ -192,6 +192,7 @@ def test_a_fence_being_read_again_keeps_its_last_value():
     assert watch.plane is None
 
 
+@pytest.mark.uncounted
 def test_a_fence_with_an_unreported_limit_permits_no_inspection_and_is_reported_once():
     desk = Desk()
     for name in ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"):
@@ -208,6 +209,7 @@ def test_a_fence_with_an_unreported_limit_permits_no_inspection_and_is_reported_
     )
 
 
+@pytest.mark.uncounted
 def test_a_fence_with_unreadable_items_does_not_count_as_none():
     desk = Desk(fence_items=4)
     desk.run(20.0).order(INSPECTION).run(0.5)

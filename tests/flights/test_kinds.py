@@ -119,6 +119,7 @@ def test_a_drift_moves_the_aircraft_in_its_direction_and_is_reported_or_not(mann
     assert abs(flight.rows[-1][4]) < DRIFTED_M + 0.5
 
 
+@pytest.mark.slow
 def test_a_fault_that_waits_begins_when_its_condition_holds_and_notes_the_time():
     flight = hovering("gusts", Manner.PX4)
     flight._noted = noted = {"kind": "waits"}

@@ -122,6 +122,7 @@ def test_a_worse_height_accuracy_holds_until_it_improves(desk):
     desk.set(height_accuracy_m=0.3).run_until("flying", 8.0)
 
 
+@pytest.mark.slow
 def test_a_varying_accuracy_causes_one_new_plan(desk):
     desk.come_to("flying")
     for second in range(20):
@@ -159,6 +160,7 @@ def test_a_continue_towards_a_target_too_close_is_denied_with_the_uncertainty(de
     assert desk.said("MOAR: no path, uncertainty 1.6 m, denied")
 
 
+@pytest.mark.slow
 def test_above_the_limit_escape_routes_are_planned_as_at_the_limit(desk):
     """On a large site each step of the inflation takes seconds to build."""
     desk.set(contingencies=True).come_to("flying", then_s=2.0)

@@ -215,6 +215,7 @@ def test_the_version_is_requested_until_it_arrives(story, autopilot):
     assert asked(3.0) == 0
 
 
+@pytest.mark.uncounted
 @pytest.mark.recordings
 @pytest.mark.parametrize(
     ("name", "values"),

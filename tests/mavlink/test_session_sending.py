@@ -71,6 +71,7 @@ LOADS = {
 """Rate of the line, of the setpoints; seconds; texts a second."""
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("load", LOADS)
 def test_no_load_of_a_line_stops_heartbeats_and_acknowledgements_of_any_link(
     load, autopilot, ground_station

@@ -140,6 +140,7 @@ def test_a_restart_after_most_of_a_round_of_the_clock_is_detected():
     assert readings(clock, *[(11.3 + 0.1 * n, 0.3 + 0.1 * n) for n in range(4)])[-1] is RESTARTED
 
 
+@pytest.mark.uncounted
 @pytest.mark.recordings
 @pytest.mark.parametrize(
     ("name", "restarts"),

@@ -401,6 +401,7 @@ def test_the_pilots_signal_is_a_fraction_of_the_autopilots_own_scale(autopilot, 
     assert updated("RC_CHANNELS", received(autopilot), rssi=rssi).remote_control.rssi == fraction
 
 
+@pytest.mark.uncounted
 @pytest.mark.recordings
 @pytest.mark.parametrize(
     ("name", "best"),

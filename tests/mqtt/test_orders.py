@@ -193,6 +193,7 @@ def signed_text(text):
     return signed_order(Text(), "a1", KEY)
 
 
+@pytest.mark.uncounted
 @given(st.binary(max_size=300) | st.text(max_size=100).map(signed_text))
 def test_no_payload_raises(payload):
     refused(checks().check(payload, START_S))

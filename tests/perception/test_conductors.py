@@ -71,6 +71,7 @@ def test_two_layers_are_split_by_height():
         assert np.ptp(heights) < 1.0
 
 
+@pytest.mark.slow
 def test_nothing_is_found_in_trees_hedges_and_roofs():
     scene = Scene(5).with_ground()
     for along in range(10, 200, 12):

@@ -58,6 +58,7 @@ def extent_m(report, low, high):
     return solid(report).intersection(shapely.box(*low, *high)).bounds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flight", [HOVER, SWAYING], ids=["hovering", "flying and swaying"])
 def test_a_box_beside_the_line_becomes_a_polygon_within_a_cell(flight):
     report = last(Rig(LidarScene(boxes=(CRANE,), wires=(CABLE,)), flight), 1.3)
@@ -67,6 +68,7 @@ def test_a_box_beside_the_line_becomes_a_polygon_within_a_cell(flight):
     assert (low_z, high_z) == pytest.approx((11.0, 16.0), abs=0.45)
 
 
+@pytest.mark.uncounted
 def test_an_obstacle_is_occupied_within_half_a_second():
     rig = Rig(LidarScene(boxes=(WALL,)), HOVER)
     last(rig, 1.0)
@@ -110,6 +112,7 @@ def test_the_ground_is_no_obstacle(slope, height_error_m):
     assert extent_m(report, (-25.0, -5.0), (30.0, 30.0))[0] > 4.5
 
 
+@pytest.mark.uncounted
 def test_ground_far_away_is_no_obstacle():
     far = replace(HOVER, at_m=(-22.0, 0.0, 17.0), tilt_rad=0.08)
     assert all(each.solids == () for each in Rig(LidarScene(), far).run(1.5))
@@ -120,6 +123,7 @@ def test_an_isolated_object_in_the_air_is_not_taken_for_the_ground():
     assert covers(report, 5.05, 11.2)
 
 
+@pytest.mark.uncounted
 def test_points_of_conductors_are_not_in_the_solids():
     report = last(Rig(LidarScene(wires=(CABLE,)), SWAYING), 1.5)
     assert len(report.conductors) == 1
@@ -151,6 +155,7 @@ def test_a_turned_nose_changes_no_place():
     assert covers(report, 5.05, 13.0)
 
 
+@pytest.mark.slow
 def test_a_conductor_that_is_gone_from_in_front_of_a_wall_is_dropped_within_three_seconds():
     rig = Rig(LidarScene(boxes=(WALL,), wires=(AHEAD,)), SWAYING)
     assert len(last(rig, 1.0).conductors) == 1
@@ -246,6 +251,7 @@ def test_by_the_line_a_heading_that_becomes_wrong_hides_and_moves_no_wire(at_the
     assert math.hypot(*report.line.offset_m) < 0.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boxes", [(), (WALL,)], ids=["sky", "a wall"])
 def test_a_conductor_is_kept_while_the_nose_points_along_it(boxes):
     rig = Rig(LidarScene(boxes=boxes, wires=(AHEAD,)), replace(HOVER, tilt_rad=0.03))
@@ -294,6 +300,7 @@ def test_a_step_of_the_sensors_clock_costs_one_scan(step_s):
     assert report.health.late == 1
 
 
+@pytest.mark.uncounted
 def test_of_many_scans_that_wait_the_newest_are_kept():
     rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
     with mock.patch.object(rig.perception, "step", return_value=None):

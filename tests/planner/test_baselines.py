@@ -78,6 +78,7 @@ def grid_length(problem, states):
     return math.fsum(steps) * problem.site.workspace.resolution_m
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     "kind",
     [
@@ -92,6 +93,7 @@ def test_every_path_is_legal_and_ends_as_a_plan_does(kind):
         assert oracle.ends_as_it_must(problem, oracle.goal_of(problem, maps), answer.states)
 
 
+@pytest.mark.uncounted
 def test_the_shortest_path_is_as_long_as_that_of_a_plain_dijkstra():
     for problem, _, answer in random_answers("shortest", BaselineKind.SHORTEST, 60):
         maps = oracle.build_maps(problem.site, problem.vehicle)

@@ -19,11 +19,12 @@ from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.site import Conductor
 from moar_companion.types import Mission, Weights
+from tests.thorough import sampled
 
 from .problems import conductor, make_site, make_vehicle, polygon, random_problem
 
 seeds = st.integers(min_value=0, max_value=10**6)
-properties = settings(deadline=None, max_examples=80, derandomize=True, database=None)
+properties = settings(deadline=None, max_examples=sampled(40, 80), derandomize=True, database=None)
 NEAR_M = 1e-7
 ALWAYS_3_MPS = {"speeds": (3.0,) * 5, "min_speed": 3.0}
 """Whatever the direction, and however near an obstacle is."""
@@ -63,6 +64,7 @@ def shape(obstacle):
     return filled or MultiPoint(obstacle.vertices_m).convex_hull, 0.0
 
 
+@pytest.mark.uncounted
 @properties
 @given(seeds)
 def test_a_refined_path_costs_no_more_and_is_as_free_as_the_plans_own(seed):

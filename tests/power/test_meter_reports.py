@@ -160,6 +160,7 @@ lost = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.uncounted
 @settings(properties, max_examples=25)
 @given(first=lost, undefined=st.booleans(), capacity_known=st.booleans())
 def test_a_missing_report_never_raises_the_energy_nor_lowers_the_power(

@@ -276,6 +276,7 @@ def test_a_missing_fence_is_reported():
     assert Look().findings()["fence"].text == "none"
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     ("autopilot", "parameters", "name"),
     [
@@ -374,6 +375,7 @@ def test_an_altitude_that_differs_from_the_site_is_reported(height_m, level, wor
     assert ("within -1.0 to +3.5 m" in finding.text) is (level is NO_GO)
 
 
+@pytest.mark.uncounted
 def test_ground_is_where_the_site_has_a_landing_point():
     hill = replace(SITE, landing_m={Mission.EXIT: ((40.0, 18.0),), Mission.EVACUATION: ()})
     at_m = (27.0, 0.0, 16.0)
@@ -430,6 +432,7 @@ def test_a_condition_that_makes_the_service_refuse_an_inspection_is_a_no_go():
     assert "<= 20%: no inspection starts" in found["battery reserve"].text
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("cells", [3, 6])
 def test_an_impossible_number_of_cells_is_a_no_go(cells):
     vehicle = replace(VEHICLE, risk=replace(VEHICLE.risk, cells=cells))
@@ -458,6 +461,7 @@ def test_a_link_that_loses_packets_is_a_warning():
     assert "unread" not in found["companion failure"].text
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     ("name", "level"),
     [("COM_OBL_RC_ACT", NO_GO), ("GF_ACTION", NO_GO), ("COM_RC_OVERRIDE", WARNING)],

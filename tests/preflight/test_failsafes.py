@@ -71,6 +71,7 @@ def test_an_obstacle_below_a_critical_battery_landing_is_named_with_a_remedy():
     assert finding.remedy == "set BATT_FS_CRT_ACT 0 (nothing)"
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     ("kind", "action", "threshold"),
     [

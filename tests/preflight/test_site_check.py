@@ -99,6 +99,7 @@ def test_the_times_are_those_of_a_flight(site):
     assert reported_s == pytest.approx(flown_s, rel=0.2)
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     ("endurance_s", "reserve_s", "level"),
     [
@@ -205,6 +206,7 @@ def test_cells_too_coarse_for_an_obstacle_are_reported():
     assert "obstacle left-lower" not in found(site)
 
 
+@pytest.mark.uncounted
 def test_the_margin_is_reported_with_a_warning_if_it_is_less_than_the_measured_error():
     finding = found()["margin"]
     reported = "2.55 m beyond every keep_out_m: position error 1.4 m, tracking error 1.15 m"

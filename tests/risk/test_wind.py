@@ -386,6 +386,7 @@ def test_good_tracking_alone_does_not_mean_calm(new_flight, healthy):
 # Properties
 
 
+@pytest.mark.uncounted
 @settings(max_examples=30)
 @given(
     lean_rad=st.floats(0.0, 0.9),
@@ -411,6 +412,7 @@ def test_more_lean_in_hover_is_never_less_wind_and_never_less_risk(
     assert all(low <= high + 1e-9 for low, high in zip(*values, strict=True))
 
 
+@pytest.mark.uncounted
 @settings(max_examples=20)
 @given(
     noise=st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=40, max_size=40),

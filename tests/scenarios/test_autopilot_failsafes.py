@@ -102,6 +102,7 @@ def test_an_rc_loss_that_does_not_end_guided_holds_the_mission_which_then_resume
     assert "released" not in states_since(flight, lost_s)
 
 
+@pytest.mark.slow
 def test_an_exit_goes_on_without_a_remote_control():
     flight = in_flight(options={"parameters": GOES_ON})
     flight.autopilot.set_parameter("SIM_RC_FAIL", 1)

@@ -15,7 +15,7 @@ from ..flights.operator import (
     MAV_CMD_DO_PAUSE_CONTINUE,
     TEMPORARILY_REJECTED,
 )
-from .marks import BOTH
+from .marks import BOTH, PX4_FIRST
 
 REST = "MOAR: order continue to fly the rest"
 
@@ -45,7 +45,7 @@ def continued(flight):
     return flight.operator.answers(MAV_CMD_DO_PAUSE_CONTINUE)[-1]
 
 
-@BOTH
+@PX4_FIRST
 def test_continue_after_a_stall_of_the_process_flies_the_rest(manner):
     flight = released_by_a_stall(manner)
     assert flight.operator.has_received(REST)
@@ -72,6 +72,7 @@ def test_continue_after_a_lost_link_that_is_back_flies_the_rest(manner):
     flight.run_until_state("at_target", 90.0)
 
 
+@pytest.mark.slow
 @BOTH
 def test_after_the_landing_the_text_says_that_it_ended_the_mission(manner):
     flight = released_by_a_stall(manner)

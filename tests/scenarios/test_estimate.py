@@ -101,6 +101,7 @@ def test_a_reset_that_moves_nothing_is_no_jump():
     assert jumps_m(flight) == []
 
 
+@pytest.mark.slow
 def test_a_receiver_that_repeats_its_last_values_holds_until_the_autopilot_acts():
     """ArduPilot repeats the last good values of a failed receiver for 4 s."""
     flight = in_flight(Manner.ARDUPILOT)

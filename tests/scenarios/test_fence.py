@@ -15,7 +15,7 @@ from ..flights.judging import assert_nothing_was_touched, in_plane, true_places
 from ..flights.lockstep import Lockstep, hovering
 from ..flights.operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, Manner
 from ..thorough import sampled
-from .marks import BOTH
+from .marks import BOTH, PX4_FIRST
 
 POLYGON_INCLUSION, POLYGON_EXCLUSION, CIRCLE_INCLUSION, CIRCLE_EXCLUSION = range(5001, 5005)
 DO_FENCE_ENABLE = 207
@@ -139,7 +139,7 @@ def test_under_a_ceiling_another_path_is_flown(manner, parameters, lowest_m, hig
     assert lowest_m < passed_m < highest_m
 
 
-@BOTH
+@PX4_FIRST
 def test_a_fence_lowered_in_flight_is_kept(manner):
     """The flight holds before the new fence, and is planned again inside or ends."""
     flight = fenced(manner, CEILING[manner](60.0))

@@ -165,6 +165,7 @@ def test_outside_on_the_landing_leg_another_escape_route_is_flown(manner, how, m
     assert flight.operator.has_received("MOAR: above the landing point, holding")
 
 
+@pytest.mark.slow
 @ARDUPILOT_FIRST
 def test_after_a_crash_without_a_state_file_there_is_nothing_to_continue(manner):
     flight = left(manner, "crash")

@@ -124,6 +124,7 @@ def test_distances_make_new_maps_while_the_flight_goes_on():
     assert flight.state == "flying"
 
 
+@pytest.mark.slow
 def test_lower_speeds_slow_the_flight_down_without_a_jump():
     flight = flying(EXIT, 4.0)
     assert speed_mps(flight) > 0.9
@@ -154,7 +155,8 @@ def test_a_margin_that_bars_its_place_brakes_and_holds():
     flight.run_until_state("flying", 3.0)
 
 
-@pytest.mark.parametrize("radius_m", [8.0, pytest.param(100.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("radius_m", [8.0, 100.0])
 def test_a_size_for_which_there_is_no_room_holds_with_the_settings_before(radius_m):
     flight = flying(seconds=3.0)
     before_m = flight.vehicle.radius_m

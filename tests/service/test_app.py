@@ -57,6 +57,7 @@ def test_the_service_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(n
         assert "Traceback" not in errors
 
 
+@pytest.mark.slow
 def test_a_log_without_a_reader_delays_neither_the_cycles_nor_the_end():
     log = stopped_pipe()
     with (
@@ -118,6 +119,7 @@ def test_the_service_records_from_the_first_heartbeat(tmp_path):
     assert (folder / "decisions.jsonl").exists()
 
 
+@pytest.mark.slow
 def test_an_unusable_state_file_and_a_lost_recording_are_reported_to_the_operator(tmp_path):
     configuration, state = tmp_path / "companion.yaml", tmp_path / "state"
     state.mkdir()

@@ -145,6 +145,7 @@ def test_the_perception_process_is_ended_before_the_service_when_memory_runs_out
     assert int(Path(f"/proc/{perception.process_id}/oom_score_adj").read_text()) > 0
 
 
+@pytest.mark.slow
 def test_a_slow_perception_process_delays_no_caller(settings, perception):
     first(perception, lambda _: True)
     os.kill(perception.process_id, signal.SIGSTOP)

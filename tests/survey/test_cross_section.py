@@ -76,6 +76,7 @@ def test_the_file_is_planned_on(scene, tmp_path):
         assert planner.plan(mission=mission).reason == ""
 
 
+@pytest.mark.uncounted
 def test_a_tree_stands_on_the_ground_and_no_path_passes_below_its_crown(tmp_path):
     scene = Scene(2).with_wires(DOUBLE_CIRCUIT).with_ground().with_tree(100.0, 12.0, 9.0)
     site = loaded(survey(scene), tmp_path)
@@ -102,6 +103,7 @@ def test_ground_that_is_not_even_becomes_a_profile_and_no_obstacle(tmp_path):
     assert tree_m == pytest.approx(9.0, abs=1.5)
 
 
+@pytest.mark.uncounted
 def test_a_tree_away_from_the_plane_is_not_in_it(tmp_path):
     scene = Scene(3).with_wires(DOUBLE_CIRCUIT).with_ground().with_tree(120.0, 12.0, 9.0)
     assert not [o for o in loaded(survey(scene), tmp_path).obstacles if isinstance(o, Polygon)]

@@ -59,6 +59,7 @@ def test_only_the_setpoint_that_differs_is_found_with_its_time(flight):
     assert f"is at {item.time_s:.2f} s: x {message.x:.2f} " in differences["setpoints"]
 
 
+@pytest.mark.slow
 def test_a_setpoint_that_differs_by_less_than_the_printed_digits_is_found(flight):
     changed = copy_of(flight)
     item = changed.setpoints[-10]
