@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+
 
 class InputError(Exception):
     """A file, a key or an option that cannot be used.
@@ -24,3 +27,11 @@ class InputError(Exception):
 
 class LinkError(Exception):
     """A link that cannot be opened or gives no answer; the message is one line. Exit status 1."""
+
+
+def without_extra(source: str, key: str, module: str, extra: str) -> InputError:
+    """The error of an option or a setting that needs a module of an extra."""
+    remedy = f'{sys.executable} -m pip install "moar-companion[{extra}]"'
+    if importlib.util.find_spec("pip") is None:
+        remedy = f"not in this package, install from a checkout with the extra {extra}"
+    return InputError(source, key, f"needs {module}: {remedy}")

@@ -6,10 +6,9 @@ import argparse
 import importlib
 import math
 import re
-import sys
 from collections.abc import Callable
 
-from ..errors import InputError
+from ..errors import InputError, without_extra
 from ..types import RiskIndices
 
 _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
@@ -26,8 +25,7 @@ def require(source: str, module: str, extra: str) -> None:
     try:
         importlib.import_module(module)
     except ModuleNotFoundError:
-        install = f'{sys.executable} -m pip install "moar-companion[{extra}]"'
-        raise InputError(source, "", f"needs {module}: {install}") from None
+        raise without_extra(source, "", module, extra) from None
 
 
 def number(text: str) -> float | None:

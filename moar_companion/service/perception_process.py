@@ -10,12 +10,11 @@ import importlib.util
 import json
 import logging
 import socket
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..errors import InputError, LinkError
+from ..errors import InputError, LinkError, without_extra
 from ..mavlink.link_basics import reason
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
@@ -118,8 +117,7 @@ def tried(settings: Perception, source: str, *, port: bool = True) -> str:
     if settings.sensor in _DECODERS:
         module, extra = _DECODERS[settings.sensor]
         if importlib.util.find_spec(module) is None:
-            install = f'{sys.executable} -m pip install "moar-companion[{extra}]"'
-            raise InputError(source, "perception.sensor", f"needs {module}: {install}")
+            raise without_extra(source, "perception.sensor", module, extra)
     if port:
         _try_port(settings)
     return description

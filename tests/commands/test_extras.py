@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from moar_companion.errors import without_extra
 from moar_companion.settings.config import shipped_configs
 
 ROOT = Path(__file__).parents[2]
@@ -98,3 +99,10 @@ def test_summary_and_json_need_no_extra(command, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout
     assert answer.exists()
+
+
+def test_without_pip_as_in_the_package_the_remedy_is_a_checkout(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    remedy = "not in this package, install from a checkout with the extra plots"
+    error = without_extra("--plot", "", "matplotlib", "plots")
+    assert str(error) == f"--plot: needs matplotlib: {remedy}"
