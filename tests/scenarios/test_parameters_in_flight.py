@@ -11,6 +11,7 @@ import pytest
 
 from moar_companion.analysis.replay.exact import ExactReplay
 from moar_companion.companion.planning.map_jobs import MapAnswer, SettingsJob
+from moar_companion.companion.planning.plan_jobs import answer_job
 from moar_companion.service.recording.calls import call_encoded
 from moar_companion.settings.flight_parameters import NONE, flight_parameters
 from moar_companion.types import Mission
@@ -265,14 +266,18 @@ def test_a_size_that_is_set_back_by_its_station_before_its_maps_are_made_is_neve
 
 def test_nothing_is_planned_while_the_planner_has_maps_for_settings_that_are_not_in_force():
     flight = flying(seconds=2.0)
-    flight.plan_delay_s = 1.5
     flight.set(SAFE_RADIUS=0.5)
+    flight.plan_delay_s = 4.0
     flight.run(0.1)
     asked = len(flight.noted("replan"))
+    *_, before = (job for call in flight.calls if call.method == "plan_jobs" for job in call.result)
+    flight.companion.plan_answered(answer_job(flight.planners, before))
+    flight.plan_delay_s = 0.1
     flight.set(WGT_INSP_SAFETY=9.0)
-    flight.run(1.0)
+    flight.run(3.5)
     assert len(flight.noted("replan")) == asked
-    flight.run(3.0)
+    assert jobs_since(flight, SettingsJob) == []
+    flight.run(1.5)
     assert flight.companion.state.vehicle.radius_m == 0.5
     assert len(flight.noted("replan")) > asked
 
@@ -307,15 +312,20 @@ def test_a_planner_that_never_answers_with_maps_for_settings_holds_the_inspectio
 
 def test_maps_for_the_settings_in_force_are_made_again_until_the_planner_has_them():
     flight = flying(seconds=3.0)
+    flight.plan_delay_s = 1.0
     flight.set(SAFE_RADIUS=8.0)
-    flight.run_until_state("holding", 3.0)
+    flight.run(0.1)
     flight.planning = False
+    flight.run_until_state("holding", 4.0)
     flight.run(0.1)
     for _ in range(3):
+        assert flight.planner.vehicle.radius_m == 8.0
         fail_maps(flight)
         flight.run(0.1)
     flight.planning = True
-    flight.run(0.1)
+    fail_maps(flight)
+    flight.run(2.0)
+    assert flight.planner.vehicle.radius_m == flight.vehicle.radius_m
     assert not any("no maps" in item["reason"] for item in flight.noted("text"))
 
 
