@@ -39,6 +39,8 @@ class Subcommand:
     summary: str
     description: str
     examples: tuple[str, ...]
+    intermixed: bool = False
+    """Options may stand before its last word, which it does not need."""
 
 
 COMMANDS = {
@@ -134,15 +136,19 @@ COMMANDS = {
     ),
     "site": Subcommand(
         module="site_files",
-        summary="a site file from a point cloud or a map; a site's map and orders",
+        intermixed=True,
+        summary="a site file: from a point cloud, a map or a typical line; its map and orders",
         description="Make a site file from a point cloud of a power line (its conductors are found "
-        "by RANSAC, the plane is laid across them at the target), or from points drawn on a map. "
-        "Or show a site and its paths on a map and as a mission of QGroundControl; move "
-        "it in the world; or write its orders as buttons and scripts of ground stations.",
+        "by RANSAC, the plane is laid across them at the target), from points drawn on a map, or "
+        "of a typical line at a place that is given, or marked by the aircraft there. Or show a "
+        "site and its paths on a map and as a mission of QGroundControl; move it in the world; or "
+        "write its orders as buttons and scripts of ground stations.",
         examples=(
             f"{PROGRAM} site from-cloud scan.laz --at 53.187,6.567 --out site.yaml --plot site.png",
             f"{PROGRAM} site from-cloud scan.laz --at 228962,578460 --crs EPSG:28992 --out s.yaml",
             f"{PROGRAM} site from-map survey.kml --out site.yaml",
+            f"{PROGRAM} site new --line 315kv-double --height 12 --at 45.3,-71.9,210 --out s.yaml",
+            f"{PROGRAM} site new --mark 0,0 --connect udp::14540 --out site.yaml",
             f"{PROGRAM} site show site.yaml --kml site.kml --qgc-plan site.plan",
             f'{PROGRAM} site shift site.yaml --north 0.4 --reason "base moved" --out moved.yaml',
             f"{PROGRAM} site actions site.yaml --out ground",
@@ -308,7 +314,8 @@ def _run(argv: Sequence[str]) -> int:
         parser, command, rest = _service_parser(), SERVICE, 0
     module = _module(command)
     module.add_arguments(parser)
-    status: int = module.run(parser.parse_args(_joined(argv[rest:])))
+    parse = parser.parse_intermixed_args if command.intermixed else parser.parse_args
+    status: int = module.run(parse(_joined(argv[rest:])))
     return status
 
 

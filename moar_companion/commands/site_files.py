@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..settings.input_file import open_file, unreadable
-from . import site_actions, site_move
+from . import site_actions, site_move, site_new
 from .options import add_file, file_name, number, numbers, refused
 from .outputs import check_outputs, print_text, report_compiling, write_output
 from .site_move import shift_text
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..planner.planner import Planner
     from ..planner.site import Site
 
+_NEW = "new"
 _MAPS = (".kml", ".geojson", ".json", ".csv")
 
 
@@ -30,11 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "action",
         metavar="|".join(_ACTIONS),
         type=_action,
-        help="a site from a point cloud; from points on a map; a site on a map; moved in the "
-        "world; its orders for ground stations",
+        help="a site from a point cloud; from points on a map; of a typical line; a site on a "
+        "map; moved in the world; its orders for ground stations",
     )
     parser.add_argument(
-        "file", metavar="FILE", type=file_name("FILE"), help="the point cloud, map or site file"
+        "file",
+        metavar="FILE",
+        nargs="?",
+        type=file_name("FILE"),
+        help="the point cloud, map or site file; new has none",
     )
     cloud = parser.add_argument_group("from-cloud (.las .laz .ply .pcd .npz .xyz .pcap)")
     cloud.add_argument(
@@ -59,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cloud.add_argument("--seed", metavar="N", type=_seed, default=0, help="of RANSAC (default: 0)")
     written = parser.add_argument_group("all but show")
     add_file(written, "--out", "the site file to write; of actions: the folder")
-    made = parser.add_argument_group("from-cloud and from-map")
+    made = parser.add_argument_group("from-cloud, from-map and new")
     add_file(made, "--plot", "draw what was found (.png, .svg, .pdf); needs the extra plots")
     made.add_argument("--name", metavar="NAME", help="of the site (default: the file's)")
     made.add_argument(
@@ -90,12 +95,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_file(shown, "--geojson", "write site and paths as GeoJSON")
     add_file(shown, "--qgc-plan", "write the paths as a mission of QGroundControl")
     add_file(shown, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
+    site_new.add_arguments(parser)
     site_move.add_arguments(parser)
     site_actions.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs one action."""
+    if arguments.file is None and arguments.action != _NEW:
+        raise InputError("FILE", "", f"is missing: the file of {arguments.action}")
     report_compiling()
     return _ACTIONS[arguments.action](arguments)
 
@@ -329,6 +337,7 @@ def _length(option: str, most_m: float = 100.0) -> Callable[[str], float]:
 _ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
     "from-cloud": _from_cloud,
     "from-map": _from_map,
+    _NEW: site_new.run,
     "show": _show,
     "shift": site_move.run,
     "actions": site_actions.run,

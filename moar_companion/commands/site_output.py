@@ -18,7 +18,8 @@ def out_file(arguments: argparse.Namespace) -> str:
     if arguments.plot:
         plot_format(arguments.plot)
         require("--plot", "matplotlib", "plots")
-    check_outputs({"--out": arguments.out, "--plot": arguments.plot}, {"the input": arguments.file})
+    inputs = {} if arguments.file is None else {"the input": arguments.file}
+    check_outputs({"--out": arguments.out, "--plot": arguments.plot}, inputs)
     return str(arguments.out)
 
 

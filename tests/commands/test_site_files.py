@@ -170,7 +170,7 @@ def test_a_site_is_shown_and_read_back(tmp_path, capsys):
         (("from-map", "a.txt", "--out", "{out}"), "a.txt: must end in one of .kml, .geojson"),
         (("from-map", "a.kml", "--out", "{out}"), "a.kml: no such file"),
         (("show", str(SHIPPED)), "show: writes nothing: give one of --kml, --geojson, --qgc-plan"),
-        (("draw", "a"), "site: is 'draw', must be one of from-cloud, from-map, show"),
+        (("draw", "a"), "site: is 'draw', must be one of from-cloud, from-map, new, show"),
         (("from-map", "a.kml", "--standoff", "-1"), "--standoff: is '-1', must be a number of"),
         (("from-cloud", "a.npz", "--seed", "x"), "--seed: is 'x', must be a whole number"),
         (
