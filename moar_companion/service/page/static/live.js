@@ -49,7 +49,7 @@ export class LiveView {
     this.answer = h("p", { class: "answer", role: "status" });
     this.view.below.append(this.orders);
     this.element = this.view.element;
-    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view.setEscapes(found.alternatives), () => this.view.setEscapes([]));
+    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view.setEscapes(found.alternatives), () => {});
     this.makeOrders();
   }
 

@@ -17,7 +17,7 @@ let view = null;
 function applyTheme(choice) {
   const dark = choice === "dark" || (choice === "auto" && system.matches);
   document.documentElement.dataset.theme = dark ? "dark" : "light";
-  setText(document.getElementById("theme"), `◐ ${THEMES[choice]}`);
+  setText(document.querySelector("#theme span"), THEMES[choice]);
   for (const each of [view?.plane, view?.view?.plane]) each?.recolour();
 }
 

@@ -5,6 +5,8 @@ import { number } from "./words.js";
 const PAD_M = 2;
 const MARGIN_PX = { left: 34, right: 14, top: 14, bottom: 26 };
 const OCCUPIED = 255;
+/** Pixels of a metre below which only the goal has its name. */
+const DENSE = 15;
 
 /** Bytes of a map in base64. */
 function bytesOf(text) {
@@ -154,7 +156,7 @@ export class PlaneView {
     [this.x0, this.x1, this.z0, this.z1] = [x0, x1, z0, z1];
     this.size = [width, height];
     this.view = [width, height, x0, x1, z0, z1].map((value) => Math.round(value * 100));
-    this.svg.classList.toggle("dense", this.scale < 15);
+    this.svg.classList.toggle("dense", this.scale < DENSE);
     setAttribute(this.svg, "viewBox", `0 0 ${width} ${height}`);
   }
 
@@ -236,7 +238,7 @@ export class PlaneView {
         const own = goal.mission === "inspection" && goal.goal === target.name;
         parts.push(s("circle", { class: own ? "target goal" : "target", cx: x, cy: y, r: own ? 9 : 7 }), s("circle", { class: "obstacle", cx: x, cy: y, r: 2 }));
         const left = x > this.size[0] - 12 * target.name.length;
-        parts.push(s("text", { class: own ? "goal" : "", x: left ? x - 13 : x + 13, y: y + 5, "text-anchor": left ? "end" : "start" }, target.name));
+        parts.push(s("text", { class: own ? "goal" : "other-goal", x: left ? x - 13 : x + 13, y: y + 5, "text-anchor": left ? "end" : "start" }, target.name));
       }
       const places = new Map();
       for (const [mission, points] of Object.entries(landing)) {
@@ -270,7 +272,7 @@ export class PlaneView {
     const side = right ? -1 : 1;
     return [
       s("path", { class: shape, d: `M${x} ${y}l${14 * side} -7v14z` }),
-      s("text", { class: style, x, y: y + 24, "text-anchor": right ? "end" : "start" }, `${name}, ${number(away, 0)} m beyond`),
+      s("text", { class: style, x, y: y + 24, "text-anchor": right ? "end" : "start" }, name + (this.scale < DENSE ? "" : `, ${number(away, 0)} m beyond`)),
     ];
   }
 

@@ -10,6 +10,8 @@ const KEY_FRAMES = 50;
 const CHUNK_S = 60;
 const RISKS = ["wind", "communication", "localization", "battery"];
 const SETTLED_MS = 300;
+/** Kinds of events that the frames show with their reasons; requests for plans that change no path. */
+const SHOWN_BY_FRAMES = new Set(["condition", "plan", "replan"]);
 
 /** All frames of a recording; each state is made of the last whole one and the changes since. */
 class Frames {
@@ -84,7 +86,7 @@ export class PlaybackView {
     this.message = h("p", { role: "status" });
     this.listElement = h("div", { class: "page" }, h("h1", {}, "Recordings"), this.message, h("section", { class: "card" }, this.list));
     this.element = h("div");
-    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view?.setEscapes(found.alternatives), () => this.view?.setEscapes([]));
+    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view?.setEscapes(found.alternatives), () => {});
   }
 
   async open(name) {
@@ -215,8 +217,7 @@ export class PlaybackView {
   }
 
   showEvents() {
-    const own = new Set(["path", "condition"]);
-    const given = (this.summary.events ?? []).filter((event) => !own.has(event.kind));
+    const given = (this.summary.events ?? []).filter((event) => !SHOWN_BY_FRAMES.has(event.kind));
     this.shownEvents = [...given, ...this.frames.events].sort((a, b) => a.time_s - b.time_s);
     this.events.replaceChildren(
       ...this.shownEvents.map((event) =>

@@ -1,7 +1,12 @@
 // Requests to the service.
 
-/** An answer that is no success; the message is the service's one line. */
-export class Refused extends Error {}
+/** An answer that is no success: its status of HTTP, and the service's one line. */
+export class Refused extends Error {
+  constructor(status, problem) {
+    super(problem ?? `the service answered ${status}`);
+    this.status = status;
+  }
+}
 
 async function answer(response) {
   const text = await response.text();
@@ -9,9 +14,9 @@ async function answer(response) {
   try {
     document = JSON.parse(text);
   } catch {
-    document = { problem: `the service answered ${response.status}` };
+    if (response.ok) throw new Refused(response.status);
   }
-  if (!response.ok) throw new Refused(document.problem ?? `the service answered ${response.status}`);
+  if (!response.ok) throw new Refused(response.status, document.problem);
   return document;
 }
 

@@ -324,8 +324,8 @@ class EnergyCard {
   }
 
   update(status, vehicle) {
-    const { energy, batteries = [] } = status;
-    const charge = batteries.map((battery) => `${percent(battery.remaining)}${battery.voltage_v ? `, ${number(battery.voltage_v, 1, " V")}` : ""}`).join("; ") || UNKNOWN;
+    const { energy, batteries } = status;
+    const charge = batteries?.map((battery) => `${percent(battery.remaining)}${battery.voltage_v ? `, ${number(battery.voltage_v, 1, " V")}` : ""}`).join("; ");
     const reserve = vehicle?.reserve_s ?? 0;
     const better = energy?.better ? energy[energy.better] : null;
     const slack = better?.left_s === undefined || better?.left_s === null ? null : better.left_s - reserve;
@@ -344,7 +344,8 @@ class EnergyCard {
     this.parts[2].style.width = share(reserve);
     const left = (route) => (route ? `${duration(route.duration_s)}, then ${duration(route.left_s)} left` : UNKNOWN);
     setRows(this.rows, [
-      ["charge", charge],
+      // A recording has no batteries.
+      ...(batteries ? [["charge", charge || UNKNOWN]] : []),
       ["flight time left", duration(energy?.flight_s)],
       ["rest of the mission", left(energy?.finish)],
       ["exit", left(energy?.exit)],

@@ -9,7 +9,9 @@ import { capital, duration, goalWords, number } from "./words.js";
 
 const NAMES = ["safety", "time", "energy"];
 const BASELINES = { shortest: "A*, shortest", voronoi: "Voronoi", envelope: "envelope" };
-const SETTLED_MS = 250;
+/** Parts of the answer: the path at once; when nothing has changed for a while, what takes longer. */
+const STAGES = [["maps"], ["maps", "baselines"], ["maps", "baselines", "front"]];
+const SETTLED_MS = 150;
 const round = (value) => Math.round(value * 100) / 100;
 
 /** The middle of a polygon's corners. */
@@ -23,7 +25,7 @@ export class WhatIfView {
     this.onAddress = onAddress;
     this.front = [];
     this.shownPath = null;
-    this.asking = new Newest((request) => post("api/what-if", request), (found, request) => this.receive(found, request), (error) => this.fail(error));
+    this.asking = new Newest((request) => post("api/what-if", request), (found, request, newest) => this.receive(found, newest), (error) => this.fail(error));
     this.build();
   }
 
@@ -134,42 +136,47 @@ export class WhatIfView {
     this.refresh();
   }
 
-  /** Asks for the path at once, and for the whole front when nothing has changed for a while. */
+  /** Asks for the path at once, and for the rest when nothing changes any more. */
   refresh() {
     this.shownPath = null;
     this.updateControls();
-    this.asking.ask({ ...this.state, parts: ["maps", "baselines"] });
-    clearTimeout(this.settling);
-    this.settling = setTimeout(async () => {
-      this.asking.ask({ ...this.state, parts: ["maps", "baselines", "front"] });
-      this.onAddress(await toAddress(this.state));
-    }, SETTLED_MS);
+    this.ask(0);
   }
 
-  receive(found, request) {
+  ask(stage) {
+    clearTimeout(this.settling);
+    this.stage = stage;
+    this.asking.ask({ ...this.state, parts: STAGES[stage] });
+  }
+
+  receive(found, newest) {
     this.found = found;
-    this.front = request.parts.includes("front") ? found.front : [];
+    this.front = found.front ?? [];
     setText(this.problem, found.plan.status === "found" ? "" : `No path: ${found.plan.reason}`);
     setAttribute(this.problem, "class", "last-text problem");
     this.plane.setSite(found.maps.site, found.maps.maps);
     this.draw();
     this.updateResults();
     this.updateLegend();
-    this.element.dataset.answered = String(Number(this.element.dataset.answered ?? 0) + 1);
+    if (!newest || this.stage + 1 === STAGES.length) return;
+    this.settling = setTimeout(() => this.ask(this.stage + 1), SETTLED_MS);
+    if (this.stage === 0) toAddress(this.state).then((address) => this.onAddress(address));
   }
 
   fail(error) {
+    // Another tab of this computer was answered instead.
+    if (error.status === 429) {
+      this.settling = setTimeout(() => this.ask(this.stage), SETTLED_MS);
+      return;
+    }
     setText(this.problem, `Not planned: ${error.message}`);
     setAttribute(this.problem, "class", "last-text problem");
   }
 
   draw() {
     const { plan, baselines } = this.found;
-    const paths = [
-      { points: baselines.shortest.path, kind: "other" },
-      { points: baselines.voronoi.path, kind: "ghost" },
-      { points: plan.path.map(([x, z]) => [x, z]), kind: "path" },
-    ];
+    const paths = [{ points: plan.path.map(([x, z]) => [x, z]), kind: "path" }];
+    if (baselines) paths.unshift({ points: baselines.shortest.path, kind: "other" }, { points: baselines.voronoi.path, kind: "ghost" });
     if (this.shownPath !== null && this.front[this.shownPath]) paths.push({ points: this.front[this.shownPath].path, kind: "shown" });
     this.plane.setHandles(this.makeHandles());
     this.plane.show({ paths, goal: { mission: plan.mission, goal: plan.target ?? this.firstTarget() } });
@@ -265,8 +272,8 @@ export class WhatIfView {
       table(["term", "weight × sum", "share"], NAMES.map((name) => [h("span", { class: "key" }, h("i", { class: `${name}-share` }), name), term(name, name === "time" ? " s" : ""), share(name)])),
     ]);
     setText(this.changeWords, plan.change ? `Against the path without risks: ${plan.change}` : "");
-    const row = (name, found) => [name, number(found?.length_m, 1), number(found?.duration_s, 1), number(found?.mean_clearance_m, 2), number(found?.min_clearance_m, 2)];
-    const rows = [row("this path", metrics), ...Object.entries(BASELINES).map(([kind, words]) => row(words, baselines[kind].metrics))];
+    const row = (name, found, known = true) => [name, ...(known ? [number(found?.length_m, 1), number(found?.duration_s, 1), number(found?.mean_clearance_m, 2), number(found?.min_clearance_m, 2)] : ["…", "…", "…", "…"])];
+    const rows = [row("this path", metrics), ...Object.entries(BASELINES).map(([kind, words]) => row(words, baselines?.[kind].metrics, baselines))];
     if (this.shownPath !== null) rows.splice(1, 0, row("chosen path", this.front[this.shownPath].metrics));
     replaceWhen(this.compare, rows, () => [table(["", "length, m", "time, s", "clearance, m", "least, m"], rows)]);
   }
