@@ -26,10 +26,10 @@ class BrowserConnection(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Takes a new connection, or closes it at once."""
-        if len(self.connections) >= _MOST_CONNECTIONS:
+        super().connection_made(transport)
+        if len(self.connections) > _MOST_CONNECTIONS:
             transport.abort()
             return
-        super().connection_made(transport)
         transport.set_write_buffer_limits(high=0)
         own: socket.socket = transport.get_extra_info("socket")
         own.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT_BYTES)

@@ -57,10 +57,11 @@ class ServiceChannel:
         self._send({"site_wanted": True})
         silence = asyncio.create_task(self._watch_silence())
         try:
-            while line := await reader.readline():
-                # The first line after a restart may be the rest of one.
-                with contextlib.suppress(ValueError):
-                    self._take(json.loads(line))
+            with contextlib.suppress(ConnectionError):
+                while line := await reader.readline():
+                    # The first line after a restart may be the rest of one.
+                    with contextlib.suppress(ValueError):
+                        self._take(json.loads(line))
         finally:
             silence.cancel()
             self._writer.close()

@@ -388,9 +388,7 @@ def test_what_is_no_request_is_refused_and_the_next_is_answered(page, data):
     assert page.ask("GET", "/api/site")[0] == 200
 
 
-def test_two_hundred_connections_that_send_nothing_leave_room_for_the_others(
-    page, service, monkeypatch
-):
+def test_two_hundred_connections_that_send_nothing_leave_room_for_the_others(page, service, caplog):
     update(page, service, 0)
     with page.viewer() as viewer:
         viewer.recv(PATIENCE_S)
@@ -412,6 +410,7 @@ def test_two_hundred_connections_that_send_nothing_leave_room_for_the_others(
         assert page.ask("GET", "/api/site")[0] == 200
         update(page, service, 2)
         assert json.loads(viewer.recv(PATIENCE_S))["changed"] == {"number": 2}
+    assert caplog.messages == []
 
 
 def test_a_connection_without_a_request_is_closed_in_time(page, monkeypatch):
