@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import contextlib
 import signal
+import socket
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,21 +55,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serves the page until Ctrl-C, which is status 0."""
-    from ..service.page.page_server import serve  # noqa: PLC0415
     from ..service.page_process import listen  # noqa: PLC0415
 
-    # Any of both ends it without a traceback.
-    for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, signal.default_int_handler)
     report_compiling()
     content = _content(arguments)
     listener = listen(arguments.host, arguments.port)
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
     print_text(f"page on http://{shown}:{port}/ (Ctrl-C ends it)\n")
-    with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(serve(content, listener))
+    asyncio.run(_serve_until_signal(content, listener))
     return 0
+
+
+async def _serve_until_signal(content: PageContent, listener: socket.socket) -> None:
+    from ..service.page.page_server import serve  # noqa: PLC0415
+
+    serving = asyncio.create_task(serve(content, listener))
+    for end in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(end, serving.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await serving
 
 
 def what_if_of(site_file: str, vehicle: Vehicle, margin: Margin) -> WhatIf:

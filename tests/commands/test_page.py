@@ -44,14 +44,17 @@ def free_port():
 
 @pytest.fixture
 def opened():
-    """Starts the command; its process, and the answer to a GET. It ends by Ctrl-C, status 0."""
+    """Starts the command; its answer to a request. It ends by a signal, with status 0."""
     started = []
 
     def start(*words):
         port = free_port()
         command = [sys.executable, "-m", "moar_companion", "page", *map(str, words)]
         process = subprocess.Popen(
-            [*command, "--port", str(port)], stdout=subprocess.PIPE, text=True
+            [*command, "--port", str(port)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         started.append(process)
         line = process.stdout.readline()
@@ -67,10 +70,10 @@ def opened():
         return ask
 
     yield start
-    for process in started:
-        os.kill(process.pid, signal.SIGINT)
-        assert process.wait(PATIENCE_S) == 0
-        process.stdout.close()
+    for process, number in zip(started, (signal.SIGINT, signal.SIGTERM), strict=False):
+        os.kill(process.pid, number)
+        assert process.communicate(timeout=PATIENCE_S) == ("", "")
+        assert process.returncode == 0
 
 
 @pytest.mark.real_time

@@ -32,6 +32,8 @@ class BrowserConnection(H11Protocol):
             return
         transport.set_write_buffer_limits(high=0)
         own: socket.socket = transport.get_extra_info("socket")
+        # A response is two writes: the second one does not wait for the browser's acknowledgement.
+        own.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         own.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT_BYTES)
         own.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _GONE_MS)
         self._check_later()

@@ -20,7 +20,7 @@ import contextlib
 import json
 import logging
 import socket
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -106,7 +106,7 @@ class PageContent:
 
 
 async def serve(content: PageContent, listener: socket.socket) -> None:
-    """Serves until it is cancelled, or a signal comes."""
+    """Serves until it is cancelled."""
     config = uvicorn.Config(
         _application(content),
         http=BrowserConnection,
@@ -124,13 +124,22 @@ async def serve(content: PageContent, listener: socket.socket) -> None:
         timeout_graceful_shutdown=1,
     )
     logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
-    server = uvicorn.Server(config)
+    server = _Server(config)
     serving = asyncio.create_task(server.serve(sockets=[listener]))
     try:
         await asyncio.shield(serving)
     finally:
         server.should_exit = True
         await serving
+
+
+class _Server(uvicorn.Server):
+    """Signals are the program's own."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Captures none."""
+        yield
 
 
 def _application(content: PageContent) -> RequestGuard:
