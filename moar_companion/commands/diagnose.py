@@ -35,7 +35,8 @@ _STATE = Path("/var/lib/moar-companion")
 _LOG_LINES = 5000
 _MOST_BYTES = 4_000_000
 """Of one part: its end, which shows the fault, is kept."""
-_COMMAND_S = 60.0
+_COMMAND_S = 300.0
+"""The check compiles the planner where this user has not done so."""
 _INSTANCE = re.compile(r"[A-Za-z0-9_.-]+")
 _SECRET = r"[\w-]*(?:password|passwd|secret|token|phrase|key)"  # noqa: S105 - names of keys in YAML
 _BLANKED = "(blanked)"
@@ -88,19 +89,17 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or f"moar-diagnose-{named}.tar.gz"
     check_outputs({"--out": out}, {"--config": str(config)})
     stream = io.BytesIO()
-    lines = []
     with tarfile.open(fileobj=stream, mode="w:gz") as archive:
         for part in _parts(name, config):
             content, fault = _read(part)
             entry = tarfile.TarInfo(f"{Path(out).name.removesuffix('.tar.gz')}/{part.name}")
             entry.size, entry.mtime, entry.mode = len(content), int(now_s), 0o600
             archive.addfile(entry, io.BytesIO(content))
-            lines.append(f"{part.name:<28} {fault or f'{len(content)} bytes'}\n")
+            print_text(f"{part.name:<28} {fault or f'{len(content)} bytes'}\n")
     problem = write_output("--out", out, lambda file: file.write(stream.getvalue()))
     if problem is not None:
         raise OSError(problem)
     Path(out).chmod(0o600)
-    print_text("".join(lines))
     print_text(
         f"{out}: passwords and keys are blanked, places are not; read it before you send it\n"
     )
