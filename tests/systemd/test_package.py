@@ -133,4 +133,4 @@ def test_after_a_removal_the_configuration_is_left_and_after_a_purge_only_flight
     assert told["removed-config"].startswith("setpoint_rate_hz: 40.0")
     assert told["removed-program"].startswith("status")
     assert told["purged"] == ""
-    assert told["kept-flight"] == "/var/lib/moar-companion/flights/flight.mcap"
+    assert told["kept-flight"].endswith("/flight.mcap")
