@@ -93,7 +93,7 @@ def hovering(manner=Manner.PX4):
         perception=Perception(sensor=Sensor.VELODYNE, fly_by_line=True),
     )
     flight.blind = True
-    flight.take_off()
+    flight.start_in_the_air()
     flight.blind = False
     flight.run(READY_S)
     flight.begin(INSPECTION, INNER)
