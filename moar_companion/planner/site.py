@@ -133,7 +133,7 @@ Obstacle = Conductor | Polygon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class TargetView:
     """Pictures or video of a target from one place.
 
     target: name of the target. number: of the view among the target's, from 1. aim_m: the point
@@ -167,7 +167,7 @@ class Target:
     """Least time at the place."""
     yaw_deg: float | None = None
     look_at_m: PlanePoint | None = None
-    view: View | None = None
+    view: TargetView | None = None
 
     @property
     def target_name(self) -> str:
@@ -549,7 +549,7 @@ class _TargetFile(FileModel):
                 dwell_s=self.dwell_s or 0.0,
                 yaw_deg=self.yaw_deg,
                 look_at_m=aim_m,
-                view=View(
+                view=TargetView(
                     target=name,
                     number=number,
                     aim_m=aim_m,

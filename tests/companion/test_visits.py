@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from moar_companion.planner.planner import Planner
-from moar_companion.planner.site import View
+from moar_companion.planner.site import TargetView
 from moar_companion.settings.config import Inspection, Supervision, VisitOrder
 from moar_companion.types import Mission
 
@@ -30,7 +30,7 @@ def viewed(target, *offsets_m):
             name=f"{target.name}/{number}",
             position_m=(x_m + dx_m, z_m + dz_m),
             dwell_s=0.0,
-            view=View(
+            view=TargetView(
                 target=target.name, number=number, aim_m=target.look_at_m, pictures=1, video_s=0.0
             ),
         )

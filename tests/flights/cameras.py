@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.planner.site import Site, Target, View
+from moar_companion.planner.site import Site, Target, TargetView
 from sitl.geodesy import Geodetic
 from sitl.payload import PayloadOptions
 from sitl.picture import PictureScene
@@ -17,7 +17,7 @@ def with_views(site: Site, *, pictures: int = 2, video_s: float = 0.0) -> Site:
             target,
             name=f"{target.name}/1",
             dwell_s=0.0,
-            view=View(
+            view=TargetView(
                 target=target.name,
                 number=1,
                 aim_m=target.look_at_m or target.position_m,

@@ -19,7 +19,7 @@ from moar_companion.planner.site import (
     Polygon,
     Site,
     Target,
-    View,
+    TargetView,
     Workspace,
     outline_problem,
 )
@@ -206,7 +206,7 @@ def test_views_are_places_of_their_target(tmp_path: Path) -> None:
     assert [place.look_at_m for place in site.targets] == [(9.0, 8.0), (9.5, 8.0), (9.0, 8.0)]
     assert [place.dwell_s for place in site.targets] == [0.0] * 3
     assert [place.yaw_deg for place in site.targets] == [90.0] * 3
-    view = View(target="splice-1", number=1, aim_m=(9.0, 8.0), pictures=3, video_s=0.0)
+    view = TargetView(target="splice-1", number=1, aim_m=(9.0, 8.0), pictures=3, video_s=0.0)
     assert first.view == view
     assert (second.view.pictures, second.view.video_s) == (0, 8.0)
     assert (third.view.pictures, third.view.zoom_percent) == (1, 40.0)

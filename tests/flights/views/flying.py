@@ -6,7 +6,7 @@ import random
 from collections import Counter
 from dataclasses import dataclass, replace
 
-from moar_companion.planner.site import Site, Target, View
+from moar_companion.planner.site import Site, Target, TargetView
 from moar_companion.settings.config import Inspection, OnFailure, shipped_configs
 from sitl.payload import Payload
 
@@ -92,7 +92,9 @@ def site_with_views() -> Site:
 
 
 def _view(target: Target, number: int, aim_m: tuple[float, float]) -> Target:
-    view = View(target=target.name, number=number, aim_m=aim_m, pictures=PICTURES, video_s=0.0)
+    view = TargetView(
+        target=target.name, number=number, aim_m=aim_m, pictures=PICTURES, video_s=0.0
+    )
     name = f"{target.name}/{number}"
     return replace(target, name=name, dwell_s=0.0, look_at_m=aim_m, view=view)
 
