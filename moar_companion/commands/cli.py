@@ -99,6 +99,18 @@ COMMANDS = {
             f"{PROGRAM} replay flight.tlog --site site.yaml --json -",
         ),
     ),
+    "report": Subcommand(
+        module="flight_report",
+        summary="what a flight inspected, as one page with its pictures",
+        description="Write one self-contained HTML page of a flight: site and path, targets and "
+        "what was captured, pictures beside their places, what was left out and why, battery and "
+        "texts. With the camera's pictures, found by name, number or time, copies of them get "
+        "their place, direction and time.",
+        examples=(
+            f"{PROGRAM} report flights/latest",
+            f"{PROGRAM} report flights/latest --pictures /media/sdcard/DCIM --out report.html",
+        ),
+    ),
     "command": Subcommand(
         module="command",
         summary="order a mission of a companion in flight, or show its status",

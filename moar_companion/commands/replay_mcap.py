@@ -10,6 +10,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator
+from collections.abc import Set as AbstractSet
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,6 +83,29 @@ class McapRecording:
             self.cut_short = True
             if not channels:
                 raise InputError(self.path, "", f"is no sound .mcap: {error}") from error
+
+
+def messages_of(first: Path, topics: AbstractSet[str]) -> Iterator[tuple[str, float, bytes]]:
+    """Topic, wall clock and content of the messages of some topics, of all parts of a recording.
+
+    Raises InputError for a file that is no sound `.mcap`; one that is cut ends at the cut.
+    """
+    for path in parts_of(first):
+        channels: dict[int, str] = {}
+        try:
+            with open_file(path) as file:
+                try:
+                    for record in StreamReader(file).records:
+                        match record:
+                            case Channel(id=channel, topic=topic) if topic in topics:
+                                channels[channel] = topic
+                            case Message(channel_id=channel) if channel in channels:
+                                yield channels[channel], record.log_time * 1e-9, record.data
+                except Exception as error:  # any error of mcap on a record that is cut
+                    if not channels:
+                        raise InputError(str(path), "", f"is no sound .mcap: {error}") from error
+        except OSError as error:
+            raise InputError(str(path), "", unreadable(error)) from error
 
 
 def packets(recording: McapRecording) -> Iterator[tuple[float, bytes]]:
