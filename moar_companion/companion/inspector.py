@@ -12,7 +12,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
-from ..mavlink.gimbal import Control, GimbalAttitude
+from ..mavlink.gimbal import Control
 from ..mavlink.session import Session
 from ..planner.site import Conductor, Site, Target
 from ..risk import RiskEstimate
@@ -21,7 +21,7 @@ from ..status_values import InspectionSection
 from ..types import Vector
 from .estimation.plane_to_local import PlaneToLocal
 from .estimation.pose import Pose
-from .inspection.aim import Direction, angle_rad, direction_to
+from .inspection.aim import Direction, angle_rad, camera_axis, direction_to
 from .inspection.picture_record import Shot, picture_row
 from .inspection.view_capture import Ask, Observed, Phase, ViewCapture, step
 from .mission.values import MissionStatus
@@ -148,14 +148,14 @@ class Inspector:
             self._capture = self._begun(target, now_s)
         before = self._capture
         aim = direction_to(view.aim_m, pose.position_m, plane)
-        attitude = self._session.gimbal.attitude(now_s)
         control = self._point(aim, pose, now_s)
+        axis = self._camera_axis(aim, pose, now_s)
         if before.ended:
             return
         if camera.camera is not None and view.zoom_percent not in {None, self._zoomed}:
             self._zoomed = view.zoom_percent
             camera.set_zoom(self._zoomed or 0.0)
-        aim_error_rad = _aim_error_rad(aim, pose, attitude, control)
+        aim_error_rad = _aim_error_rad(aim, pose, axis, control)
         seen = self._observed(control, aim_error_rad, pose, error_m, now_s)
         after, asks = step(before, seen, self._limits, now_s)
         self._capture = after
@@ -165,12 +165,12 @@ class Inspector:
             match ask:
                 case Ask.PICTURE:
                     self._shot = self._shot_of(
-                        target, site, pose, aim, attitude, aim_error_rad, risk, now_s
+                        target, site, pose, aim, axis, aim_error_rad, risk, now_s
                     )
                     camera.take_picture()
                 case Ask.START_VIDEO:
                     self._shot = self._shot_of(
-                        target, site, pose, aim, attitude, aim_error_rad, risk, now_s
+                        target, site, pose, aim, axis, aim_error_rad, risk, now_s
                     )
                     camera.start_video()
                 case Ask.STOP_VIDEO:
@@ -204,6 +204,18 @@ class Inspector:
         gimbal.point(aim.elevation_rad, math.remainder(heading - pose.yaw_rad, math.tau))
         return control
 
+    def _camera_axis(self, aim: Direction, pose: Pose, now_s: float) -> tuple[float, float] | None:
+        """Elevation and heading of the camera's axis; None while it is not reported."""
+        attitude = self._session.gimbal.attitude(now_s)
+        return None if attitude is None else camera_axis(aim, attitude, self._body_rad(pose))
+
+    def _body_rad(self, pose: Pose) -> Vector:
+        """Roll, pitch and heading of the aircraft."""
+        body = self._session.telemetry.attitude
+        if body is None:
+            return 0.0, 0.0, pose.yaw_rad
+        return body.roll_rad, body.pitch_rad, pose.yaw_rad
+
     def _observed(
         self,
         control: Control,
@@ -218,7 +230,6 @@ class Inspector:
         return Observed(
             gimbal=control,
             holder=gimbal.holder,
-            by_sticks=gimbal.by_sticks,
             camera_known=camera.camera is not None,
             aim_error_rad=aim_error_rad,
             position_error_m=error_m,
@@ -237,12 +248,12 @@ class Inspector:
         site: Site,
         pose: Pose,
         aim: Direction,
-        attitude: GimbalAttitude | None,
+        axis: tuple[float, float] | None,
         aim_error_rad: float | None,
         risk: RiskEstimate,
         now_s: float,
     ) -> Shot:
-        view, body = target.view, self._session.telemetry.attitude
+        view = target.view
         assert view is not None
         conductor = _nearest(site.conductors, view.aim_m)
         spread = risk.wind.spread
@@ -254,13 +265,9 @@ class Inspector:
             aim_m=view.aim_m,
             place=site.frame.to_geodetic(pose.position_m),
             position_m=pose.position_m,
-            attitude_rad=(
-                0.0 if body is None else body.roll_rad,
-                0.0 if body is None else body.pitch_rad,
-                pose.yaw_rad,
-            ),
-            camera_pitch_rad=None if attitude is None else attitude.pitch_rad,
-            camera_heading_rad=None if attitude is None else attitude.heading_rad(pose.yaw_rad),
+            attitude_rad=self._body_rad(pose),
+            camera_pitch_rad=None if axis is None else axis[0],
+            camera_heading_rad=None if axis is None else axis[1],
             aim_error_rad=aim_error_rad,
             distance_m=aim.distance_m,
             conductor=None if conductor is None else conductor.name,
@@ -368,16 +375,14 @@ def _view_of(status: MissionStatus, site: Site | None) -> Target | None:
 
 
 def _aim_error_rad(
-    aim: Direction, pose: Pose, attitude: GimbalAttitude | None, control: Control
+    aim: Direction, pose: Pose, axis: tuple[float, float] | None, control: Control
 ) -> float | None:
     """Angle from the camera's axis to the aim point; without a gimbal of the headings alone."""
     if control is Control.NO_GIMBAL:
         if aim.heading_rad is None:
             return 0.0
         return abs(math.remainder(aim.heading_rad - pose.yaw_rad, math.tau))
-    if attitude is None:
-        return None
-    return angle_rad(aim, attitude.pitch_rad, attitude.heading_rad(pose.yaw_rad))
+    return None if axis is None else angle_rad(aim, *axis)
 
 
 def _nearest(conductors: tuple[Conductor, ...], aim_m: tuple[float, float]) -> Conductor | None:

@@ -3,7 +3,7 @@
 Its manager is the autopilot (PX4's gimbal module, ArduPilot's mount), or a component of its own.
 Control is taken from nobody: while another holds it, as a camera operator's ground station, the
 companion sends nothing. Managers differ in this: PX4 obeys the holder alone, ArduPilot everybody.
-A pilot who moves ArduPilot's mount by the remote control has it, too, until it is given back.
+ArduPilot does not report a pilot who moves its mount by the remote control.
 
 Angles of yaw are sent relative to the aircraft's heading: all gimbals have this frame, and PX4's
 servo output turns an angle from north into it only with MNT_DO_STAB. Roll and pitch stay level.
@@ -27,14 +27,10 @@ _COMMAND_ACK = int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK)
 _INFORMATION = int(mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION)
 _STATUS = int(mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS)
 _ATTITUDE = int(mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS)
-_MOUNT = int(mavlink.MAVLINK_MSG_ID_MOUNT_STATUS)
-MESSAGE_IDS = frozenset({_INFORMATION, _STATUS, _ATTITUDE, _MOUNT})
+MESSAGE_IDS = frozenset({_INFORMATION, _STATUS, _ATTITUDE})
 """Messages that are read of gimbals alone."""
-RATES_HZ = {_STATUS: 2.0, _ATTITUDE: 10.0, _MOUNT: 2.0}
-"""Wanted rates while views are flown; unasked PX4 sends them at 0.5 and 1 Hz. The last is
-ArduPilot's alone: its only report of a pilot who moves the gimbal by the remote control."""
-_BY_STICKS = int(mavlink.MAV_MOUNT_MODE_RC_TARGETING)
-_BY_MESSAGES = int(mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING)
+RATES_HZ = {_STATUS: 2.0, _ATTITUDE: 10.0}
+"""Wanted rates while views are flown; unasked PX4 sends them at 0.5 and 1 Hz."""
 
 GIMBAL_IDS = frozenset(
     {
@@ -76,12 +72,17 @@ class Control(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GimbalAttitude:
-    """Direction of the camera. yaw_rad: to the right of the aircraft's nose, or from north."""
+    """Direction of the camera. yaw_rad: to the right of the aircraft's nose, or from north.
+
+    by_servos: True where the autopilot drives the gimbal. ArduPilot's mount of servos, and PX4's
+    with MNT_DO_STAB, then report the angles of the servos, from the body and not from the horizon.
+    """
 
     received_s: float
     pitch_rad: float
     yaw_rad: float
     from_north: bool
+    by_servos: bool = False
 
     def heading_rad(self, aircraft_yaw_rad: float) -> float:
         """Heading of the camera from north."""
@@ -108,9 +109,7 @@ class GimbalClient:
         self._configure: SentCommand | None = None
         self._takes = False
         """True while control is wanted."""
-        self._mount_mode: int | None = None
-        self.by_sticks = False
-        """True from the pilot's takeover by the remote control until control is given back."""
+        self._autopilot: tuple[int, int] | None = None
         self._angles_deg: tuple[float, float] | None = None
         self._sent_deg: tuple[float, float] | None = None
         self._sent_s = -math.inf
@@ -126,8 +125,6 @@ class GimbalClient:
             return Control.NO_GIMBAL
         if self.holder is None or now_s > self._status_s + _STATUS_MAX_AGE_S:
             return Control.UNKNOWN
-        if self.by_sticks:
-            return Control.OTHERS
         if self.holder == ours:
             return Control.OURS
         return Control.OTHERS if any(self.holder) else Control.FREE
@@ -157,7 +154,7 @@ class GimbalClient:
         self._angles_deg = self._sent_deg = None
         if self._takes and self.manager is not None:
             self._configure = self._configuration(_RELEASED, _RELEASED)
-        self._takes = self.by_sticks = False
+        self._takes = False
 
     # In
 
@@ -177,10 +174,6 @@ class GimbalClient:
                     self._ask_s = -math.inf  # of the holder, at once
         elif message_id == _ATTITUDE:
             self._take_attitude(message, now_s)
-        elif message_id == _MOUNT:
-            before, self._mount_mode = self._mount_mode, message.mount_mode
-            if (before, message.mount_mode) == (_BY_MESSAGES, _BY_STICKS) and self._takes:
-                self.by_sticks = True
         elif message_id == _STATUS and self.manager is not None and source == self.manager[1]:
             self.holder = (message.primary_control_sysid, message.primary_control_compid)
             self._status_s = now_s
@@ -194,6 +187,7 @@ class GimbalClient:
             pitch_rad=pitch_rad,
             yaw_rad=yaw_rad,
             from_north=_is_from_north(message.flags),
+            by_servos=self.manager is not None and self.manager[1] == self._autopilot,
         )
 
     # Out
@@ -202,6 +196,7 @@ class GimbalClient:
         self, autopilot: tuple[str, tuple[int, int]], ours: tuple[int, int], now_s: float
     ) -> Iterable[tuple[str, Message]]:
         """Packets that are due now, each with its link. autopilot: its link and ids."""
+        self._autopilot = autopilot[1]
         if self._wanted_s is None or self._none:
             return []
         if self.manager is None:

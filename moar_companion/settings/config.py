@@ -227,8 +227,8 @@ class Inspection:
     """Greatest speed in a picture: 4 m from a conductor, at 1/500 s, 0.4 m/s is a blur of 0.6
     pixels of a camera with 4000 pixels over 70°."""
     turn_rate_dps: Annotated[float, Field(ge=0.1, le=90.0)] = 5.0
-    """Greatest turn rate of the aircraft in a picture: a blur of 0.5 pixels of the same camera
-    without a gimbal."""
+    """Greatest turn rate of the aircraft in a picture without a gimbal, with one four times as
+    much: a blur of 0.5 pixels of the same camera without one."""
     settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
     """Time for which all limits hold before a picture."""
     timeout_s: Annotated[float, _Patience] = 20.0

@@ -464,12 +464,6 @@ GIMBAL_HELD = PilotText(
     meaning="this system and component has control of the gimbal; control is taken from nobody",
     remedy="give it back there, then order `continue`",
 )
-GIMBAL_BY_STICKS = PilotText(
-    pattern="gimbal moved by sticks",
-    actions=_LEFT_OUT,
-    meaning="the pilot has moved the gimbal by the remote control",
-    remedy="order `continue` to give it back",
-)
 GIMBAL_SILENT = PilotText(
     pattern="gimbal does not answer",
     actions=_LEFT_OUT,

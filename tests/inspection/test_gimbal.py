@@ -100,28 +100,6 @@ def on_autopilot():
     return rig
 
 
-def hold(rig, ids):
-    rig.from_autopilot(mavlink.MAVLink_gimbal_manager_status_message(0, 0, 1, *ids, 0, 0))
-
-
-def mount(rig, mode):
-    rig.from_autopilot(mavlink.MAVLink_mount_status_message(0, 0, 0, 0, 0, mode))
-
-
-def test_sticks_that_move_ardupilots_mount_have_it_until_it_is_given_back():
-    rig = on_autopilot()
-    rig.gimbal.take()
-    mount(rig, mavlink.MAV_MOUNT_MODE_RC_TARGETING)  # its usual mode, without a movement
-    hold(rig, OURS)
-    assert control(rig) is Control.OURS
-    mount(rig, mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING)
-    mount(rig, mavlink.MAV_MOUNT_MODE_RC_TARGETING)
-    assert control(rig) is Control.OTHERS
-    rig.gimbal.give_back()
-    hold(rig, (0, 0))
-    assert control(rig) is Control.FREE
-
-
 def test_the_frame_of_the_yaw_is_that_of_the_flags_else_that_of_the_lock():
     rig = on_autopilot()
     q = [math.cos(0.5), 0.0, 0.0, math.sin(0.5)]

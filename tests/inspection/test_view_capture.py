@@ -66,7 +66,8 @@ def test_no_picture_is_taken_before_all_limits_hold_for_the_settling_time():
         replace(STEADY, aim_error_rad=math.radians(2.1)),
         replace(STEADY, position_error_m=0.8),
         replace(STEADY, speed_mps=0.5),
-        replace(STEADY, turn_rate_radps=0.1),
+        replace(STEADY, turn_rate_radps=0.4),
+        replace(STEADY, gimbal=Control.NO_GIMBAL, turn_rate_radps=0.1),
         replace(STEADY, turn_rate_radps=None),
         replace(STEADY, aim_error_rad=None),
     ):
@@ -106,12 +107,6 @@ def test_a_gimbal_that_another_takes_ends_the_view_at_once():
     assert story.capture.phase is Phase.FAILED
     assert story.capture.reason == "gimbal held by 255/190"
     assert story.asks == [Ask.START_VIDEO, Ask.STOP_VIDEO]
-
-
-def test_sticks_that_move_the_gimbal_end_the_view():
-    story = Story()
-    story.run(replace(STEADY, gimbal=Control.OTHERS, by_sticks=True))
-    assert story.capture.reason == "gimbal moved by sticks"
 
 
 def test_a_video_has_its_length_from_its_confirmed_start():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ...mavlink.gimbal import GimbalAttitude
 from ...types import Vector
 from ..estimation.plane_to_local import PlaneToLocal
 
@@ -35,6 +36,37 @@ def direction_to(aim_m: tuple[float, float], position_m: Vector, plane: PlaneToL
         heading_rad=math.atan2(east, north) if level_m >= _NO_HEADING_M else None,
         distance_m=math.hypot(level_m, down),
     )
+
+
+def camera_axis(aim: Direction, attitude: GimbalAttitude, body_rad: Vector) -> tuple[float, float]:
+    """Elevation and heading of the camera's axis. body_rad: roll, pitch, yaw of the aircraft.
+
+    Of servos the frame is not known: the reading that is nearer to the aim counts.
+    """
+    level = (attitude.pitch_rad, attitude.heading_rad(body_rad[2]))
+    if not attitude.by_servos:
+        return level
+    turned = _from_body(attitude.pitch_rad, attitude.yaw_rad, body_rad)
+    return min(level, turned, key=lambda axis: angle_rad(aim, *axis))
+
+
+def _from_body(pitch_rad: float, yaw_rad: float, body_rad: Vector) -> tuple[float, float]:
+    """Elevation and heading of an axis with this pitch and yaw from the body."""
+    roll, pitch, yaw = body_rad
+    forward, right = (
+        math.cos(pitch_rad) * math.cos(yaw_rad),
+        math.cos(pitch_rad) * math.sin(yaw_rad),
+    )
+    down = -math.sin(pitch_rad)
+    right, down = (
+        right * math.cos(roll) - down * math.sin(roll),
+        right * math.sin(roll) + down * math.cos(roll),
+    )
+    forward, down = (
+        forward * math.cos(pitch) + down * math.sin(pitch),
+        down * math.cos(pitch) - forward * math.sin(pitch),
+    )
+    return math.asin(max(-1.0, min(1.0, -down))), yaw + math.atan2(right, forward)
 
 
 def angle_rad(direction: Direction, elevation_rad: float, heading_rad: float) -> float:
