@@ -77,8 +77,13 @@ def place_by_line(state: CycleState, now_s: float) -> PlaceByLine | None:
 
 
 def exposure_limit_s(state: CycleState) -> float:
-    """Maximum stay where a failsafe without a forecast would hit an obstacle, dwell added."""
-    return state.config.supervision.exposure_limit_s + _dwell_s(state)
+    """Maximum stay where a failsafe without a forecast would hit an obstacle.
+
+    The dwell is added, or the expected time of a view's pictures.
+    """
+    task, site_maps = state.status.task, state.routes.limits.site_maps
+    hold_s = 0.0 if site_maps is None or task is None else site_maps.hold_s(task.stops)
+    return state.config.supervision.exposure_limit_s + hold_s
 
 
 def scene(state: CycleState) -> ContingencyInputs | None:

@@ -36,3 +36,7 @@ class SiteMaps:
     def dwell_s(self, stops: tuple[str, ...]) -> float:
         """Time to stay at the first of a task's targets; 0 without one."""
         return self.site.target(stops[0]).dwell_s if stops else 0.0
+
+    def hold_s(self, stops: tuple[str, ...]) -> float:
+        """Expected time at the first of a task's targets, with its pictures; 0 without one."""
+        return self.site.target(stops[0]).hold_s if stops else 0.0
