@@ -125,6 +125,7 @@ class Inspector:
         """Ends the capture of the present view."""
         target, capture = self._target, self._capture
         self._target = self._capture = None
+        self._session.gimbal.rest()
         if target is None or capture is None or capture.ended:
             return
         camera = self._session.camera

@@ -149,9 +149,13 @@ class GimbalClient:
         """
         self._angles_deg = (math.degrees(pitch_rad), math.degrees(yaw_rad))
 
+    def rest(self) -> None:
+        """Leaves the camera as it points."""
+        self._angles_deg = self._sent_deg = None
+
     def give_back(self) -> None:
         """Gives control back, if it is ours; repeated until it is acknowledged."""
-        self._angles_deg = self._sent_deg = None
+        self.rest()
         if self._takes and self.manager is not None:
             self._configure = self._configuration(_RELEASED, _RELEASED)
         self._takes = False

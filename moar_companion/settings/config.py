@@ -230,7 +230,7 @@ class Inspection:
     """Greatest turn rate of the aircraft in a picture without a gimbal, with one four times as
     much: a blur of 0.5 pixels of the same camera without one."""
     settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
-    """Time for which all limits hold before a picture."""
+    """Time for which all limits hold before a picture, and least time between two."""
     timeout_s: Annotated[float, _Patience] = 20.0
     """Longest wait for the gimbal, and then for steady flight, until the view has failed."""
 

@@ -56,7 +56,9 @@ def test_a_view_is_done_when_each_picture_is_confirmed():
     assert story.asks == [Ask.PICTURE]
     story.run(confirmed())
     assert story.capture.left == 1
-    story.run(STEADY, 0.2)
+    story.run(STEADY, 0.8)
+    assert story.asks == [Ask.PICTURE]
+    story.run(STEADY, 0.4)
     assert story.asks == [Ask.PICTURE] * 2
     assert story.run(confirmed()) is Phase.DONE
 

@@ -150,7 +150,8 @@ def _take(capture: ViewCapture, seen: Observed, now_s: float) -> Step:
         return again, ()
     taken = replace(capture, left=capture.left - 1, tries=0, since_s=now_s)
     if taken.left or taken.video_s:
-        return replace(taken, phase=Phase.SETTLING), ()
+        # The next one shows something else, and ArduPilot's servo has let go of the shutter.
+        return replace(taken, phase=Phase.SETTLING, steady_s=now_s), ()
     return replace(taken, phase=Phase.DONE), ()
 
 
