@@ -125,7 +125,7 @@ def _leaves_room(state: CycleState, maps: NewMaps) -> bool:
     flight, volume = state.routes.flight, _volume_on(state, maps)
     if flight is None or volume is None:
         return True
-    return flight.may_rest_on(volume, state.config.supervision.plane_tolerance_m)
+    return flight.has_room_on(volume, state.config.supervision.plane_tolerance_m)
 
 
 def _volume_on(state: CycleState, maps: NewMaps) -> FlightVolume | None:

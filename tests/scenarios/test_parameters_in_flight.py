@@ -149,9 +149,7 @@ def test_a_margin_that_bars_its_place_brakes_and_holds():
     assert flight.state == "holding"
     assert speed_mps(flight) == 0.0
     assert greatest_change_mps(flight, began_s) < 0.1
-    assert any("margin" in item["reason"] for item in flight.noted("text"))
-    flight.set(SAFE_TRK_MARGIN=-1.0)
-    flight.run(0.5)
+    assert flight.noted("text")[-1]["reason"] == "no room at SAFE_TRK_MARGIN 6"
     flight.operator.mission(INSPECTION, 0)
     flight.run_until_state("flying", 3.0)
 
@@ -329,13 +327,23 @@ def test_maps_for_the_settings_in_force_are_made_again_until_the_planner_has_the
     assert not any("no maps" in item["reason"] for item in flight.noted("text"))
 
 
-def test_a_size_that_leaves_room_here_but_no_path_holds_with_one_reason():
+@pytest.mark.parametrize(
+    ("radius_m", "reason"),
+    [
+        (3.0, "no path round right-middle"),
+        pytest.param(5.0, "no room at SAFE_RADIUS 5", marks=pytest.mark.slow),
+        (6.0, "no room at SAFE_RADIUS 6"),
+    ],
+)
+def test_a_size_without_a_path_or_room_holds_once_for_one_reason(radius_m, reason):
     flight = flying(seconds=3.0)
-    flight.set(SAFE_RADIUS=6.0)
+    flight.set(SAFE_RADIUS=radius_m)
     flight.run(8.0)
     assert flight.state == "holding"
-    states = [item["state"] for item in flight.noted("state")]
-    assert states.count("holding") == 1
+    texts = [item["text"] for item in flight.noted("text")]
+    assert texts[texts.index("MOAR: flying inspection to splice-outer") + 1 :] == [
+        f"MOAR: {reason}, holding"
+    ]
 
 
 def test_what_a_parameter_may_not_be_changes_nothing_and_is_told():

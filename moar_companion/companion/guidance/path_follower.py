@@ -206,19 +206,29 @@ class PathFollower:
         stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
         return barred_m is not None and barred_m <= stop_m
 
-    def may_rest_on(self, volume: FlightVolume, plane_tolerance_m: float) -> bool:
-        """True if the setpoint's place is permitted at rest in another flight volume.
+    def has_room_on(self, volume: FlightVolume, plane_tolerance_m: float) -> bool:
+        """True if the setpoint's place is permitted in another flight volume as in the present one.
 
-        On a leg: if the rest of that can be flown there.
+        At rest, and moving where it is in the present one: within the margin an aircraft may rest,
+        and not fly on. On a leg: if the rest of that can be flown there.
         """
-        rest = replace(self._setpoint(), velocity_mps=(0.0, 0.0, 0.0))
-        legs = (volume.rechecked(leg, rest.position_m) for leg in self._path.legs)
+        return self._is_permitted(volume, plane_tolerance_m, moves=False) and (
+            self._is_permitted(volume, plane_tolerance_m, moves=True)
+            or not self._is_permitted(self._volume, plane_tolerance_m, moves=True)
+        )
+
+    def _is_permitted(self, volume: FlightVolume, plane_tolerance_m: float, *, moves: bool) -> bool:
+        """True if the setpoint's place is permitted in a flight volume, without inflation."""
+        velocity_mps = (_STOPPED_MPS if moves else 0.0, 0.0, 0.0)
+        setpoint = replace(self._setpoint(), velocity_mps=velocity_mps)
+        legs = (volume.rechecked(leg, setpoint.position_m) for leg in self._path.legs)
         reason = volume.refusal(
-            rest,
+            setpoint,
             tuple(leg for leg in legs if not leg.barred),
             plane_tolerance_m=plane_tolerance_m,
             widened_m=0.0,
             carried_from_z_m=self._drift.lowest_m if self._drift.carried else None,
+            brakes=True,
         )
         return reason is None
 
