@@ -32,8 +32,9 @@ _LISTEN_S = 2.2
 """Two heartbeats."""
 _PERIOD_S = 0.05
 _BY_ID = Path("/dev/serial/by-id")
-_BUILT_IN = ("ttyTHS*", "ttyAMA*", "ttyAML*", "ttymxc*", "serial[0-9]", "ttyACM*", "ttyUSB*")
-"""Names of ports in /dev: UARTs of companion computers, and USB where udev makes no names."""
+_BUILT_IN = ("moar-*", "ttyTHS*", "ttyAMA*", "ttyAML*", "ttymxc*", "serial[0-9]", "ttyACM*", "ttyUSB*")
+"""Names of ports in /dev: those of `systemd/serial.rules`, UARTs of companion computers, and USB
+where udev makes no names."""
 _DEV = Path("/dev")
 
 
@@ -47,11 +48,12 @@ class Found:
 
 def serial_ports() -> list[str]:
     """Devices of serial ports: by the names that last where udev makes them, each port once."""
-    named = {path.resolve(): str(path) for path in sorted(_BY_ID.glob("*"))}
-    others = (path for pattern in _BUILT_IN for path in sorted(_DEV.glob(pattern)))
-    return list(named.values()) + list(
-        dict.fromkeys(str(path) for path in others if path.resolve() not in named)
-    )
+    paths = [*sorted(_BY_ID.glob("*"))]
+    paths += [path for pattern in _BUILT_IN for path in sorted(_DEV.glob(pattern))]
+    named: dict[Path, str] = {}
+    for path in paths:
+        named.setdefault(path.resolve(), str(path))
+    return list(named.values())
 
 
 def urls_of(device: str) -> list[str]:

@@ -99,6 +99,9 @@ def replace_together(contents: Mapping[Path, str]) -> None:
                 stream.flush()
                 os.fsync(stream.fileno())
                 os.fchmod(stream.fileno(), _mode(real))
+                with suppress(OSError):  # the service's group may read a file that root wrote
+                    old = real.stat()
+                    os.fchown(stream.fileno(), old.st_uid, old.st_gid)
         for part, real in parts.items():
             part.replace(real)
     finally:
