@@ -14,15 +14,15 @@ import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import InputError, LinkError
 from ..service.mqtt_settings import SettingNames, read_broker, read_order_key
 from ..service.signing_clock import load_signing
 from ..settings.config import CompanionConfig
 from ..texts.text_format import printable
-from .options import add_file
-from .outputs import print_text
+from .options import add_file, add_json
+from .outputs import json_output, print_text, report_compiling
 from .service import add_config, link_problems, merged
 
 if TYPE_CHECKING:
@@ -64,16 +64,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "repeated; forms as of the service",
     )
     parser.add_argument("--files", action="store_true", help="the files alone: open no link")
+    add_json(parser, "write verdict and findings as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Checks the files, then the aircraft; prints the findings."""
+    with json_output(arguments.json) as document:
+        return _run(arguments, document)
+
+
+def _run(arguments: argparse.Namespace, document: dict[str, Any]) -> int:
+    """Checks; fills the document. Its findings are there when a file cannot be used, too."""
     from ..companion.preflight.findings import Level, worst  # noqa: PLC0415
 
+    report_compiling()
     errors: list[InputError] = []
     config, file, site, signing = _read(arguments, errors)
     if errors or config is None or file is None:
-        _report("Files", _unusable(errors))
+        _document(document, "NO-GO", _report("Files", _unusable(errors)))
         first, more = errors[0], len(errors) - 1
         print_text(f"NO-GO: {_counted(len(errors), 'finding')}\n")
         problem = first.problem + (f" (and {more} more)" if more else "")
@@ -93,7 +101,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.files:
         aircraft, seen = _aircraft(config, vehicle, planner, signing)
         found += aircraft
-    print_text(_summary(found, files=arguments.files, seen=seen) + "\n")
+    summary = _summary(found, files=arguments.files, seen=seen)
+    print_text(f"{summary}\n")
+    _document(document, summary, found)
     stopped = worst(found) is Level.NO_GO or not (seen or arguments.files)
     return 1 if stopped else 0
 
@@ -102,13 +112,16 @@ def _aircraft(
     config: CompanionConfig, vehicle: Vehicle, planner: Planner | None, signing: Signing | None
 ) -> tuple[list[Finding], bool]:
     """Findings about the aircraft on the links; True if there is an aircraft."""
+    from rich.console import Console  # noqa: PLC0415
+
     from ..companion.preflight.aircraft_check import Preflight  # noqa: PLC0415
 
     urls = [link.url for link in config.links]
     print_text(f"Aircraft on {', '.join(urls)}\n")
     preflight = Preflight(config, vehicle, planner, signing=signing)
     try:
-        asyncio.run(_listen(preflight, urls))
+        with Console(stderr=True).status("listening to the aircraft, 6 to 20 s"):
+            asyncio.run(_listen(preflight, urls))
     except LinkError as error:
         return _report("", [_unopened(error)]), False
     return _report("", preflight.findings()), preflight.found
@@ -235,6 +248,24 @@ def _report(heading: str, findings: list[Finding]) -> list[Finding]:
         lines = (f"  {item.level!s:{_LEVEL_WIDTH}}  {item}\n" for item in findings)
         print_text("".join(lines))
     return findings
+
+
+def _document(document: dict[str, Any], summary: str, findings: list[Finding]) -> None:
+    """Fills the document of `--json`."""
+    verdict, _, _ = summary.partition(":")
+    document |= {
+        "verdict": verdict,
+        "summary": summary,
+        "findings": [
+            {
+                "level": str(item.level),
+                "subject": item.subject,
+                "text": item.text,
+                "remedy": item.remedy,
+            }
+            for item in findings
+        ],
+    }
 
 
 def _summary(findings: list[Finding], *, files: bool, seen: bool) -> str:

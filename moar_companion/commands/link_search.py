@@ -32,7 +32,16 @@ _LISTEN_S = 2.2
 """Two heartbeats."""
 _PERIOD_S = 0.05
 _BY_ID = Path("/dev/serial/by-id")
-_BUILT_IN = ("moar-*", "ttyTHS*", "ttyAMA*", "ttyAML*", "ttymxc*", "serial[0-9]", "ttyACM*", "ttyUSB*")
+_BUILT_IN = (
+    "moar-*",
+    "ttyTHS*",
+    "ttyAMA*",
+    "ttyAML*",
+    "ttymxc*",
+    "serial[0-9]",
+    "ttyACM*",
+    "ttyUSB*",
+)
 """Names of ports in /dev: those of `systemd/serial.rules`, UARTs of companion computers, and USB
 where udev makes no names."""
 _DEV = Path("/dev")

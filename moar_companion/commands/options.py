@@ -85,6 +85,16 @@ def file_name(option: str) -> Callable[[str], str]:
     return parse
 
 
+def add_json(parser: argparse._ActionsContainer, meaning: str) -> None:
+    """The option of a report for programs, beside the text for people."""
+    parser.add_argument(
+        "--json",
+        metavar="FILE|-",
+        type=file_name("--json"),
+        help=f"{meaning} (-: to stdout, and the text to stderr)",
+    )
+
+
 def add_file(parser: argparse._ActionsContainer, option: str, meaning: str) -> None:
     """An option that names a file."""
     parser.add_argument(option, metavar="FILE", type=file_name(option), help=meaning)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from ..texts.text_format import printable
 from .options import refused
@@ -144,16 +146,49 @@ def write_output(
     return None
 
 
+@contextmanager
+def json_output(path: str | None) -> Iterator[dict[str, Any]]:
+    """A document that is filled within, and written as JSON at the end, after an error, too.
+
+    path: None: it is not written; STDOUT: to stdout, and all that is printed within to stderr.
+    """
+    document: dict[str, Any] = {}
+    check_outputs({"--json": None if path == STDOUT else path}, {})
+
+    def text() -> str:
+        return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+    try:
+        with redirect_stdout(sys.stderr) if path == STDOUT else nullcontext():
+            yield document
+    finally:
+        if document and path == STDOUT:
+            print_text(text())
+        elif document:
+            failure = write_output("--json", path, lambda stream: stream.write(text().encode()))
+            if failure:
+                raise OSError(failure)
+
+
 def report_compiling() -> None:
-    """Shows on a terminal's stderr each kernel that is compiled: once on each computer."""
-    from ..planner.jit import Kernel  # noqa: PLC0415
+    """Compiles the missing kernels by all processors, with a bar; once on each computer.
 
-    def report(name: str) -> None:
-        if sys.stderr is not None and sys.stderr.isatty():
-            sys.stderr.write(f"compiling, once on this computer: {name}\n")
-            sys.stderr.flush()
+    Only where a person watches the terminal's stderr: elsewhere each is compiled at its first use.
+    """
+    if sys.stderr is None or not sys.stderr.isatty():
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn  # noqa: PLC0415
 
-    Kernel.on_compile = report
+    from ..service.compiling import fill_cache  # noqa: PLC0415
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("compiling the planner, once on this computer", visible=False)
+        fill_cache(
+            lambda done, total: bar.update(task, completed=done, total=total, visible=True),
+            threading.Event(),
+        )
 
 
 def print_text(text: str) -> None:

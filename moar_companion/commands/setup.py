@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
-import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -23,8 +20,8 @@ from ..errors import InputError, LinkError
 from ..mavlink.urls import parse_url
 from ..settings.config import Authority, CompanionConfig, shipped_configs
 from ..types import AUTOPILOTS, AutopilotKind
-from .options import add_file, number, numbers, refused
-from .outputs import STDOUT, check_outputs, print_text, replace_together, write_output
+from .options import add_file, add_json, number, numbers, refused
+from .outputs import check_outputs, json_output, print_text, replace_together, write_output
 from .questions import Questions
 from .service import INSTALLED_CONFIG
 
@@ -125,30 +122,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="set it on the autopilot, which must be disarmed (never by --yes alone)",
     )
-    parser.add_argument("--json", metavar="FILE|-", help="write what was found and done as JSON")
+    add_json(parser, "write what was found and done as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Sets up the companion; 0 when everything that was asked for is done."""
-    if arguments.json == STDOUT:
-        with contextlib.redirect_stdout(sys.stderr):
-            status, report = _set_up(arguments)
-        print_text(json.dumps(report, indent=2) + "\n")
-        return status
-    status, report = _set_up(arguments)
-    failure = write_output(
-        "--json",
-        arguments.json,
-        lambda stream: stream.write((json.dumps(report, indent=2) + "\n").encode()),
-    )
-    if failure:
-        raise OSError(failure)
-    return status
+    with json_output(arguments.json) as document:
+        return _set_up(arguments, document)
 
 
-def _set_up(arguments: argparse.Namespace) -> tuple[int, dict[str, Any]]:
+def _set_up(arguments: argparse.Namespace, document: dict[str, Any]) -> int:
     questions, folder = Questions(yes=arguments.yes), _folder(arguments)
-    check_outputs({"--parameters": arguments.parameters, "--json": _file(arguments.json)}, {})
+    check_outputs({"--parameters": arguments.parameters}, {})
     config_file = folder / "companion.yaml"
     _load_named(arguments)
     before = CompanionConfig.load(config_file) if config_file.exists() else None
@@ -186,7 +171,7 @@ def _set_up(arguments: argparse.Namespace) -> tuple[int, dict[str, Any]]:
     _check(config_file, files_only=aircraft is None)
     advice, results = _advise(arguments, questions, url, aircraft, vehicle)
     print_text(f"next: moar-companion check --config {config_file}\n")
-    report = {
+    document |= {
         "link": url,
         "autopilot": kind,
         "firmware": None if aircraft is None else str(aircraft.telemetry.firmware or "unknown"),
@@ -194,7 +179,7 @@ def _set_up(arguments: argparse.Namespace) -> tuple[int, dict[str, Any]]:
         "parameters": [asdict(each) for each in advice],
         "set": [{"name": each.change.name, "status": each.status.value} for each in results],
     }
-    return int(any(each.status.value != "set" for each in results)), report
+    return int(any(each.status.value != "set" for each in results))
 
 
 # The link
@@ -483,10 +468,6 @@ def _folder(arguments: argparse.Namespace) -> Path:
     if arguments.offline and arguments.apply:
         raise InputError("--apply", "", "sets parameters, must be given without --offline")
     return folder
-
-
-def _file(name: str | None) -> str | None:
-    return None if name == STDOUT else name
 
 
 def _relative(path: Path, folder: Path) -> str:

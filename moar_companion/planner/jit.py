@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from types import CodeType
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -78,9 +78,6 @@ class Kernel:
     Two threads that do so at once do it twice, one after the other (the compiler has a lock).
     """
 
-    on_compile: ClassVar[Callable[[str], None] | None] = None
-    """Called with the name of a kernel that is not in the cache, before it is compiled."""
-
     def __init__(
         self, function: Any, answer: Type, arguments: tuple[Type, ...], *, helper: bool
     ) -> None:
@@ -107,8 +104,6 @@ class Kernel:
     @cached_property
     def ready(self) -> Any:
         """Numba's dispatcher, with the machine code: from the cache, or compiled now."""
-        if Kernel.on_compile is not None and not self.is_cached:
-            Kernel.on_compile(self.py_func.__name__)
         dispatcher = self._dispatcher
         dispatcher.compile(self._signature)
         dispatcher.disable_compile()

@@ -503,3 +503,25 @@ def test_the_page_is_reported(capsys, tmp_path, unused_udp_port, page, status, w
     out = capsys.readouterr().out
     assert words.replace("PORT", port) in out
     assert "a-token-of-the-page" not in out
+
+
+@pytest.mark.parametrize("place", ["a file", "stdout"])
+def test_verdict_and_findings_are_written_as_json(capsys, tmp_path, place):
+    report = "-" if place == "stdout" else tmp_path / "report.json"
+    assert check("--vehicle", X500, "--json", report) == 0
+    out, err = capsys.readouterr()
+    document = json.loads(out if place == "stdout" else report.read_text())
+    text = err if place == "stdout" else out
+    assert document["verdict"] == "FILES OK"
+    assert f"{document['summary']}\n" in text
+    levels = {each["level"] for each in document["findings"]}
+    assert levels <= {"ok", "note", "warning", "no-go"}
+    assert all(f"{each['subject']}: {each['text']}" in text for each in document["findings"])
+
+
+def test_an_unusable_file_is_in_the_json_too(capsys, tmp_path):
+    assert check("--vehicle", "no.yaml", "--json", tmp_path / "report.json") == 2
+    document = json.loads((tmp_path / "report.json").read_text())
+    assert document["verdict"] == "NO-GO"
+    assert document["findings"][0]["subject"] == "no.yaml"
+    assert "no such file" in document["findings"][0]["text"]

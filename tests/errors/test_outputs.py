@@ -8,12 +8,13 @@ import json
 import os
 import resource
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.commands import cli
+from moar_companion.commands import cli, outputs
 from moar_companion.settings.config import shipped_configs
 from tests.processes import companion
 
@@ -119,3 +120,21 @@ def test_a_full_disk_ends_the_recording_and_not_the_service(tmp_path, unused_udp
     assert warning.startswith("WARNING recording ended: ")
     assert warning.endswith(": File too large\n")
     assert (process.returncode, rest) == (0, "")
+
+
+def test_the_planner_is_compiled_with_a_bar_where_a_person_watches(monkeypatch, capsys):
+    shown = []
+
+    def fill_cache(report, _stopped):
+        report(3, 11)
+        shown.append(True)
+        return True
+
+    monkeypatch.setattr("moar_companion.service.compiling.fill_cache", fill_cache)
+    outputs.report_compiling()
+    assert shown == []
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    outputs.report_compiling()
+    assert shown == [True]
+    assert "3/11" in capsys.readouterr().err
