@@ -101,6 +101,7 @@ def test_once_prints_one_page_of_plain_text(view, served):
     assert "idle" in page
 
 
+@pytest.mark.slow
 def test_json_prints_statuses_until_the_service_ends(folder):
     with (
         service(folder, *configured(folder)) as serving,
@@ -162,6 +163,7 @@ def test_on_a_terminal_the_view_draws_pages_until_q_and_then_restores_the_termin
     assert shown.rindex(left) > shown.index(entered)
 
 
+@pytest.mark.slow
 def test_under_systemd_the_view_is_in_its_runtime_directory(view, folder):
     (folder / "run").mkdir()
     with service(folder, environment={"RUNTIME_DIRECTORY": "run"}) as running:

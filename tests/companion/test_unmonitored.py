@@ -92,6 +92,7 @@ def test_a_condition_that_begins_while_an_operator_holds_is_reported_once(desk, 
     assert desk.texts().count(words) == 1
 
 
+@pytest.mark.slow
 def test_the_end_of_a_condition_while_an_operator_holds_is_reported(desk):
     desk.pause().run(2.0).set(wind_mps=21.4).run(5.0).set(wind_mps=2.0).run(8.0)
     assert desk.said("MOAR: wind reported 21.4 m/s > 15, over")
@@ -110,6 +111,7 @@ def test_a_condition_that_an_escape_route_overrides_is_reported(desk):
     assert desk.said("MOAR: wind reported 21.4 m/s")
 
 
+@pytest.mark.slow
 def test_a_condition_that_still_holds_is_not_reported_as_over(desk):
     desk.plan_delay_s = None
     desk.run_until("holding", 20.0).run(5.0)

@@ -194,6 +194,7 @@ def test_a_missing_autopilot_is_reported_once_and_the_service_waits_for_it():
         assert running.returncode == 0
 
 
+@pytest.mark.slow
 def test_two_autopilots_are_both_named_in_the_log():
     with taken() as port:
         pass

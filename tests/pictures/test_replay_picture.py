@@ -69,6 +69,7 @@ def test_a_picture_has_a_panel_more_for_clearance_and_a_band_more_for_missions()
     assert plain.shape[0] < flown.shape[0] < placed.shape[0]
 
 
+@pytest.mark.slow
 def test_an_unknown_value_is_no_curve_at_zero():
     unknown = pixels(replay_of([sample(t, None, armed=None) for t in range(20)]))
     zero = pixels(replay_of([sample(t, 0.0, armed=None) for t in range(20)]))

@@ -144,6 +144,7 @@ def test_a_battery_failsafe_is_left_to_the_autopilot_even_if_guided_is_available
     assert len(mode_requests(flight)) == asked
 
 
+@pytest.mark.slow
 def test_after_an_orderly_end_the_aircraft_stays_at_its_place():
     flight = in_flight()
     released, speed_mps = flight.now_s, speed_of(flight)

@@ -208,6 +208,7 @@ def test_a_lost_link_that_the_autopilot_acts_on_releases(manner, lose, within_s)
 # Orders -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_guided_during_a_landing_counts_as_in_the_air_while_the_landing_is_still_reported():
     """EXTENDED_SYS_STATE reports a landing for 40 to 110 ms after its end."""
     flight = guided()

@@ -94,6 +94,7 @@ def test_a_small_reset_is_detected_only_by_the_estimators_reset_counter():
     assert (flight.state, other.state) == ("flying", "flying")
 
 
+@pytest.mark.slow
 def test_a_reset_that_moves_nothing_is_no_jump():
     flight = in_flight()
     flight.autopilot.jump(0.0, 0.0)

@@ -72,6 +72,7 @@ def greatest_change_mps(flight, since_s):
     return max(itertools.starmap(math.dist, itertools.pairwise(velocities)))
 
 
+@pytest.mark.slow
 def test_weights_and_limits_count_at_once():
     flight = flying()
     flight.set(WGT_INSP_SAFETY=9.0, LIM_WIND=8.0, SETPOINT_RATE=25.0, LIM_GCS_ACTION=2.0)

@@ -140,6 +140,7 @@ def test_the_perception_process_ends_with_the_service(settings):
         os.kill(number, 0)
 
 
+@pytest.mark.slow
 def test_the_perception_process_is_ended_before_the_service_when_memory_runs_out(perception):
     first(perception, lambda _: True)
     assert int(Path(f"/proc/{perception.process_id}/oom_score_adj").read_text()) > 0
