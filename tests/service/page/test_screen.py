@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import time
+from pathlib import Path
 
 import pytest
 
 from moar_companion.analysis.what_if import WhatIf
 from moar_companion.commands.cli import main
-from moar_companion.commands.playback import McapPlayback
+from moar_companion.commands.playback import McapPlayback, ReplayPlayback
+from moar_companion.commands.replay import played
 from moar_companion.planner.maps import build_maps
 from moar_companion.planner.site import Margin, Site
 from moar_companion.planner.site_view import maps_view, site_view
@@ -417,6 +419,21 @@ def test_a_recording_is_played_back_with_its_events(browser, page):
         assert began < float(slider.input_value()) <= float(end)
         assert tab.locator(".timeline .mark").count() >= 1
         assert tab.locator(".plane path.line.flown").count() == 1
+
+
+def test_a_telemetry_log_is_played_back_as_far_as_it_tells(browser):
+    replay = played("tests/data/ardupilot_failsafes.tlog", VEHICLE, None)
+    content = PageContent(
+        about={"kind": "recording", "recording": "flight.tlog", "vehicle": None},
+        site=lambda: None,
+        recordings=PageRecordings(file=Path("tests/data/ardupilot_failsafes.tlog").resolve()),
+        open_playback=lambda _: ReplayPlayback(replay, None),
+    )
+    with served(content) as page, opened(browser, f"http://{page.host}/", fault="404") as tab:
+        tab.locator("[data-loaded]").wait_for()
+        tab.get_by_role("slider", name="Time in the recording").press("End")
+        tab.get_by_text("This recording has no conditions.").wait_for()
+        assert tab.locator(".events button").count() == len(replay.events)
 
 
 def test_recordings_are_listed_downloaded_and_deleted(browser, page, tmp_path):

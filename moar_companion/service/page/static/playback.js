@@ -34,7 +34,7 @@ class Frames {
     this.last = state;
     if (!state.mission) return;
     for (const name of RISKS) this.curves[name].push([frame.time_s, state.risk?.[name]?.value ?? null]);
-    if (state.aircraft.position_m && state.aircraft.landed !== "on_ground") this.flown.push([frame.time_s, state.aircraft.position_m]);
+    if (state.aircraft?.position_m && state.aircraft.landed !== "on_ground") this.flown.push([frame.time_s, state.aircraft.position_m]);
     this.note(frame.time_s, before?.mission ? before : null, state);
   }
 
@@ -44,7 +44,7 @@ class Frames {
       const change = state.plan.change ? `; ${state.plan.change}` : "";
       this.events.push({ time_s: time, kind: "path", text: `${state.plan.reason}${change}` });
     }
-    const now = new Map(state.supervision.conditions.map((item) => [item.name, item]));
+    const now = new Map((state.supervision?.conditions ?? []).map((item) => [item.name, item]));
     for (const [name, span] of this.open) {
       if (now.has(name)) continue;
       span.to = time;
@@ -241,7 +241,7 @@ export class PlaybackView {
     if (state.mission) {
       const flown = this.frames.flown.filter(([when]) => when <= this.now).map(([, place]) => place);
       this.view.setStatus(state, flown);
-      this.opened?.(this.site, flown, state.aircraft.position_m);
+      this.opened?.(this.site, flown, state.aircraft?.position_m);
       clearTimeout(this.settling);
       this.settling = setTimeout(() => {
         const request = this.site && escapesRequest(state, this.whatIf, this.site);

@@ -2,7 +2,7 @@
 import { h, replaceWhen, setAttribute, setText } from "./dom.js";
 import { legendLine, legendMap, MAP_LAYERS, PlaneView, segments } from "./plane.js";
 import { WeightTriangle } from "./triangle.js";
-import { actionWords, actsWords, autopilotName, capital, controlWords, duration, goalWords, grade, headline, number, percent, plain, reasonWords, riskGrade, UNKNOWN } from "./words.js";
+import { actionWords, actsWords, autopilotName, capital, controlWords, duration, goalWords, grade, headline, isKnown, number, percent, plain, reasonWords, riskGrade, UNKNOWN } from "./words.js";
 
 /** Least risk whose cause is shown beside its bar. */
 const LOW = 0.05;
@@ -84,7 +84,9 @@ export class StatusView {
 
   /** status: a state; flown: [[x, y, z]]; escapes: plans of what-if, by name. */
   setStatus(status, flown) {
-    this.status = status;
+    // A telemetry log has no conditions, and at first no place.
+    this.conditionsKnown = Boolean(status.supervision);
+    this.status = { ...status, supervision: status.supervision ?? { conditions: [] }, aircraft: status.aircraft ?? {} };
     this.flown = flown;
     this.update();
   }
@@ -116,7 +118,7 @@ export class StatusView {
     const { mission, aircraft, path } = this.status;
     setText(this.title, headline(this.status));
     const figures = [
-      ["to go", path ? `${number(path.left_m, 1)} m, ${duration(path.left_s)}` : "no path is flown"],
+      ["to go", path ? `${number(path.left_m, 1)} m, ${duration(path.left_s)}` : this.conditionsKnown ? "no path is flown" : UNKNOWN],
       ["speed", number(aircraft.speed_mps, 1, " m/s")],
       ["clearance", number(aircraft.clearance_m, 1, " m")],
       ["height z", number(aircraft.position_m?.[2], 1, " m")],
@@ -154,20 +156,22 @@ export class StatusView {
     const { supervision: { conditions }, risk } = this.status;
     const grades = conditions.filter((item) => !item.overridden).map((item) => grade(item.action));
     const worst = ["warning", "caution"].find((each) => grades.includes(each));
-    const high = Object.entries(risk ?? {}).filter(([, index]) => riskGrade(index.value) !== "note").sort((a, b) => b[1].value - a[1].value);
+    const high = Object.entries(risk ?? {}).filter(([, index]) => isKnown(index.value) && riskGrade(index.value) !== "note").sort((a, b) => b[1].value - a[1].value);
     setAttribute(this.conditionsCard, "class", `card ${worst ?? ""}`);
-    const key = [conditions, high.map(([name, index]) => [name, index.value.toFixed(2), cause(index)])];
+    const key = [this.conditionsKnown, conditions, high.map(([name, index]) => [name, index.value.toFixed(2), cause(index)])];
     replaceWhen(this.conditions, key, () => {
       const entry = (kind, chip, title, text) => h("li", { class: kind }, h("span", { class: "chip" }, chip), h("span", {}, h("strong", {}, title), h("br"), text));
       const items = conditions.map((item) => entry(item.overridden ? "" : grade(item.action), item.overridden ? "Overridden" : actionWords(item.action), capital(plain(item.name)), item.reason));
-      if (!items.length) items.push(h("li", {}, h("span", { class: "chip" }, "Clear"), h("span", {}, "No condition acts against the flight.")));
+      const [chip, words] = this.conditionsKnown ? ["Clear", "No condition acts against the flight."] : ["Unknown", "This recording has no conditions."];
+      if (!items.length) items.push(h("li", {}, h("span", { class: "chip" }, chip), h("span", {}, words)));
       items.push(...high.map(([name, index]) => entry(riskGrade(index.value), index.known ? "High risk" : "Unknown", `${capital(name)} ${index.value.toFixed(2)}`, cause(index))));
       return items;
     });
   }
 
   updateWhy() {
-    const { plan, weights } = this.status;
+    const { plan } = this.status;
+    const weights = this.status.weights?.base ? this.status.weights : null;
     const key = [plan?.paths, plan?.reason, plan?.change, plan?.mission, plan?.target, weights && shifts(weights)];
     replaceWhen(this.why, key, () => {
       if (!plan) return [h("p", { class: "muted" }, "There is no path yet.")];
@@ -182,7 +186,7 @@ export class StatusView {
 
   updateWeights() {
     const { weights } = this.status;
-    if (!weights) return;
+    if (!weights?.base) return;
     this.triangle.show(weights.base, weights.adjusted);
     replaceWhen(this.weightWords, [weights.words], () => [
       table(["", "base", "now"], ["safety", "time", "energy"].map((name) => [name, weights.base[name].toFixed(2), weights.adjusted[name].toFixed(2)])),
@@ -204,14 +208,15 @@ export class StatusView {
   }
 
   updateRows() {
-    const { link, age_s: ages = {}, radio, perception, plan, path, supervision, host } = this.status;
+    const { link, radio, perception, plan, path, supervision, host } = this.status;
+    const ages = this.status.age_s ?? {};
     const gate = supervision.conditions.find((item) => item.name.startsWith("setpoint_"));
     const rows = [
       ["Autopilot link", link ? `${number(link.rate_hz, 0, " packets/s")}, ${link.packets_lost} lost` : UNKNOWN],
-      ["Ground station", ages.ground_station === undefined || ages.ground_station === null ? "none is received" : `${duration(ages.ground_station)} ago`],
+      ["Ground station", isKnown(ages.ground_station) ? `${duration(ages.ground_station)} ago` : "none is received"],
     ];
     if (radio) rows.push([`Radio ${radio.kind}`, `${number(radio.rssi, 0)} here, ${number(radio.remote_rssi, 0)} there`]);
-    rows.push(["Position", ages.local_position === undefined ? UNKNOWN : `${duration(ages.local_position)} old`]);
+    rows.push(["Position", isKnown(ages.local_position) ? `${duration(ages.local_position)} old` : UNKNOWN]);
     rows.push(["Setpoint gate", gate ? gate.reason : path ? `passes; aircraft ${number(path.error_m, 2)} m from the setpoint` : "no setpoint is sent"]);
     rows.push(["Plan time", plan ? `${number(plan.search_ms, 1, " ms")}, ${duration(plan.age_s)} ago; ${plan.paths} paths` : UNKNOWN]);
     rows.push(["Lidar", perception ? lidar(perception) : "none is configured"]);
@@ -251,7 +256,7 @@ export function table(head, rows) {
 /** The cause of a risk index, short. */
 function cause(index) {
   const worst = index.inputs?.find((input) => input.name === index.worst);
-  return worst ? `${worst.name} ${worst.reading}` : index.words;
+  return worst ? `${worst.name} ${worst.reading}` : (index.words ?? index.cause ?? "");
 }
 
 /** The risks that moved the weights, and where to: a safer or a faster path. */
@@ -287,7 +292,8 @@ class RiskGauge {
 
   update(index) {
     this.index = index;
-    if (!index) {
+    if (!isKnown(index?.value)) {
+      setAttribute(this.element, "class", "risk unknown");
       setText(this.value, "?");
       setText(this.cause, UNKNOWN);
       return;
@@ -295,13 +301,12 @@ class RiskGauge {
     setAttribute(this.element, "class", `risk ${index.known ? riskGrade(index.value) : "unknown"}`);
     this.fill.style.width = `${100 * index.value}%`;
     setText(this.value, index.value.toFixed(2));
-    const worst = index.inputs?.find((input) => input.name === index.worst);
-    setText(this.cause, !index.known ? "nothing of its inputs is known" : index.value >= LOW && worst ? `${worst.name} ${worst.reading}` : "");
+    setText(this.cause, !index.known ? "nothing of its inputs is known" : index.value >= LOW ? cause(index) : "");
     if (!this.element.open) return;
     const known = (index.inputs ?? []).filter((input) => input.age_s !== null && input.age_s !== undefined);
     const missing = (index.inputs ?? []).filter((input) => !known.includes(input)).map((input) => input.name);
     replaceWhen(this.inputs, [index.words, known.map((input) => [input.name, input.reading, input.risk])], () => [
-      h("p", { class: "muted" }, index.words),
+      h("p", { class: "muted" }, index.words ?? ""),
       h(
         "table",
         {},

@@ -2,14 +2,18 @@
 
 export const UNKNOWN = "unknown";
 
+export function isKnown(value) {
+  return value !== null && value !== undefined;
+}
+
 /** A number with its unit; unknown is never 0. */
 export function number(value, digits = 1, unit = "") {
-  if (value === null || value === undefined) return UNKNOWN;
+  if (!isKnown(value)) return UNKNOWN;
   return `${value.toFixed(digits)}${unit}`;
 }
 
 export function duration(seconds) {
-  if (seconds === null || seconds === undefined) return UNKNOWN;
+  if (!isKnown(seconds)) return UNKNOWN;
   if (seconds < 10) return `${seconds.toFixed(1)} s`;
   if (seconds < 100) return `${Math.round(seconds)} s`;
   const whole = Math.round(seconds);
@@ -17,7 +21,7 @@ export function duration(seconds) {
 }
 
 export function percent(share) {
-  return share === null || share === undefined ? UNKNOWN : `${Math.round(100 * share)} %`;
+  return !isKnown(share) ? UNKNOWN : `${Math.round(100 * share)} %`;
 }
 
 export function clock(seconds) {
@@ -38,35 +42,36 @@ export function capital(text) {
 
 /** The goal of a mission: a target by name, or a landing point by number. */
 export function goalWords(mission, goal) {
-  if (mission === "inspection") return goal === null || goal === undefined ? "every target" : String(goal);
-  return goal === null || goal === undefined ? "the nearest landing point" : `landing point ${goal}`;
+  if (mission === "inspection") return isKnown(goal) ? String(goal) : "every target";
+  return !isKnown(goal) ? "the nearest landing point" : `landing point ${goal}`;
 }
 
 /** What the aircraft does, as a headline. */
 export function headline(status) {
   const { state, mission, goal } = status.mission;
+  const to = isKnown(mission) ? ` ${mission} to ${goalWords(mission, goal)}` : "";
   const mode = status.autopilot?.kind === "ardupilot" ? "GUIDED" : "OFFBOARD";
   switch (state) {
     case "flying":
-      return `Flying ${mission} to ${goalWords(mission, goal)}`;
+      return `Flying${to}`;
     case "at_target":
       return `At target ${goal ?? ""}`.trim();
     case "landing_leg":
-      return `Landing leg of the ${mission}`;
+      return `Landing leg${isKnown(mission) ? ` of the ${mission}` : ""}`;
     case "holding":
-      return goal === null || goal === undefined
-        ? "Holding position"
-        : `Holding on the way to ${goalWords(mission, goal)}`;
+      return isKnown(goal) ? `Holding on the way to ${goalWords(mission, goal)}` : "Holding position";
     case "planning":
-      return `Planning ${mission} to ${goalWords(mission, goal)}`;
+      return `Planning${to}`;
     case "ready":
-      return `Ready for ${mission} to ${goalWords(mission, goal)}: select ${mode}`;
+      return `Ready for${to}: select ${mode}`;
     case "overridden":
       return `Overridden: ${status.autopilot?.mode ?? "another mode"} has control`;
     case "released":
       return "Released: the autopilot has control";
-    default:
+    case "idle":
       return "Idle: no setpoints are sent";
+    default:
+      return isKnown(state) ? capital(plain(state)) : "The companion is not in this recording";
   }
 }
 
@@ -75,6 +80,7 @@ export function controlWords(status) {
   const autopilot = status.autopilot;
   if (!autopilot) return "No autopilot is received";
   const armed = autopilot.armed ? "armed" : "disarmed";
+  if (!isKnown(autopilot.ours)) return `${autopilot.mode ?? "mode unknown"}, ${armed}`;
   const who = autopilot.ours && status.path ? "the companion steers" : "the companion does not steer";
   return `${autopilot.mode}, ${armed}: ${who}`;
 }
