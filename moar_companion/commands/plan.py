@@ -230,7 +230,9 @@ def run(arguments: argparse.Namespace) -> int:
     notes = {"margin": _margin_words(margin_m, flown=arguments.as_flown)}
     left = len(site.targets) - 1
     if mission.visits_targets and target is None and left > 0:
-        notes["targets"] = f"the first alone; `command inspection` flies {left} more in turn"
+        notes["targets"] = (
+            f"the first alone; --target all: the tour with {left} more, as it is flown"
+        )
     document = _document(plan, explanation, others)
     if choice is not None:
         document["wish"] = _wish_document(choice)

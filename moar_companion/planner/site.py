@@ -609,7 +609,7 @@ class SiteFile(FileModel):
     start: _PointFile
     """Start of `plan`; in flight the vehicle's own position."""
     targets: dict[Name, _TargetFile] = Field(default_factory=dict)
-    """Targets by name, visited in this order."""
+    """Targets by name, visited in this order with `inspection.order: file`."""
     landing: _LandingFile = Field(default_factory=_LandingFile)
 
 

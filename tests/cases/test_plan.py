@@ -56,7 +56,7 @@ def test_the_landing_leg_and_the_other_targets_are_named(lines):
     words = "".join(lines("exit"))
     assert "of these the landing leg, not in the cost: 10.3 m in 15.9 s" in words
     assert "targets" not in words
-    others = "  targets    the first alone; `command inspection` flies 1 more in turn"
+    others = "  targets    the first alone; --target all: the tour with 1 more, as it is flown"
     assert others in lines("inspection")
     assert others not in lines("inspection", "--target", "splice-outer")
 
