@@ -9,51 +9,19 @@ import pytest
 
 from moar_companion.commands.playback import McapPlayback, ReplayPlayback
 from moar_companion.commands.replay import played
-from moar_companion.companion.planning.site_maps import SiteMaps
-from moar_companion.companion.status import LatestDecisions
 from moar_companion.errors import InputError
-from moar_companion.service.recorder import NO_LIMITS, Recorder
-from moar_companion.service.recording.calls import START, Call
-from moar_companion.service.recording.channels import CycleSampler
-from moar_companion.service.recording.flight_log import FlightLog
 from moar_companion.settings.config import shipped_configs
 from moar_companion.settings.vehicle import Vehicle
-from tests.flights.lockstep import hovering
-from tests.flights.operator import INSPECTION
+from tests.flights.recorded import recorded_flight
 from tests.service.page.merging import merged
 
-OFFSET_S = 1_700_000_000.0
 FAILSAFES = Path(__file__).parents[1] / "data" / "ardupilot_failsafes.tlog"
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """Folder of a flight of 14 s, and its statuses by the wall clock."""
-    flight = hovering(vehicle="x500")
-    sampler, latest = CycleSampler(), LatestDecisions()
-    started = next(call for call in flight.calls if call.method == START)
-    site_maps = SiteMaps(site=flight.flown_site, maps=flight.planner.maps)
-    flight.calls[:] = [started, Call(method="take_ground", arguments=(site_maps,))]
-    flight.decisions.clear()
-    flight.operator.mission(INSPECTION)
-    folder = tmp_path_factory.mktemp("flights")
-    source = FlightLog(OFFSET_S)
-    recorder = Recorder(folder, OFFSET_S, flight.now_s, source=source, limits=NO_LIMITS)
-    statuses = {}
-    for _ in range(700):
-        if flight.state == "ready" and flight.now_s % 1.0 < 0.02:
-            flight.operator.mode("ours")
-        flight.step()
-        companion, now_s = flight.companion, flight.now_s
-        latest.note(flight.decisions, companion.telemetry.link)
-        status = None
-        if sampler.status_is_due(now_s):
-            status = latest.status_of(companion, now_s, clock_offset_s=OFFSET_S, recorder=None)
-            statuses[round(OFFSET_S + now_s, 3)] = json.loads(json.dumps(status))
-        calls, flight.calls, flight.decisions = flight.calls, [], []
-        recorder.write([], [], sampler.cycle(companion, calls, status, now_s), now_s)
-    recorder.close()
-    return recorder.folder, statuses
+    return recorded_flight(tmp_path_factory.mktemp("flights"), cycles=700)
 
 
 @pytest.fixture
