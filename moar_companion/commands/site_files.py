@@ -266,29 +266,33 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _paths(planner: Planner, site: Site) -> tuple[list[Plan], list[str]]:
-    """The paths of an inspection of all targets in turn, and of the exit from the last."""
-    from ..types import Mission  # noqa: PLC0415
+    """Paths of an inspection of all targets, in the best order, and of the exit from the last."""
+    from ..planner.plan_values import PlanRequest  # noqa: PLC0415
+    from ..planner.tour import best_order, exit_request, visit_plans  # noqa: PLC0415
+    from ..types import Mission, RiskIndices  # noqa: PLC0415
 
-    plans: list[Plan] = []
-    missing: list[str] = []
-    at = site.start_m
-    for target in site.targets:
-        plan = planner.plan(mission=Mission.INSPECTION, target=target.name, start=at)
-        if plan.reason:
-            missing.append(f"{target.name}: {plan.reason}")
-            continue
-        plans.append(plan)
-        at = target.position_m
+    request = PlanRequest(
+        mission=Mission.INSPECTION,
+        target=None,
+        start_m=site.start_m,
+        velocity_mps=(0.0, 0.0),
+        weights=planner.vehicle.weights[Mission.INSPECTION],
+        risk=RiskIndices(),
+    )
+    stops = best_order(planner, request, tuple(target.name for target in site.targets))
+    visits, last = visit_plans(planner, request, stops)
+    plans, missing = [*visits], []
     if Mission.EXIT in site.landing_m:
         try:
-            plan = planner.plan(mission=Mission.EXIT, start=at)
+            plans.append(planner.solve(exit_request(planner, last)))
         except InputError as error:  # a landing place that cannot be flown to
-            return plans, [*missing, str(error)]
-        if plan.reason:
-            missing.append(f"exit: {plan.reason}")
-        else:
-            plans.append(plan)
-    return plans, missing
+            missing.append(str(error))
+    missing += [
+        f"{plan.request.target or plan.mission.value}: {plan.reason}"
+        for plan in plans
+        if plan.reason
+    ]
+    return [plan for plan in plans if not plan.reason], missing
 
 
 def _written(out: str, document: dict[str, Any], remarks: tuple[str, ...]) -> str | None:

@@ -53,10 +53,22 @@ def best_order(planner: Planner, request: PlanRequest, stops: tuple[str, ...]) -
 
 
 def leg_plans(planner: Planner, request: PlanRequest, stops: tuple[str, ...]) -> tuple[Plan, ...]:
-    """The plans of an order: to each stop from the one before, and the exit from the last.
+    """The plans of an order: `visit_plans`, and the exit from the last stop.
 
-    A stop without a path is left out behind its plan, which has the reason. Raises InputError for a
-    landing point that no cell sees.
+    Raises InputError for landing points that no cell sees.
+    """
+    plans, at = visit_plans(planner, request, stops)
+    if Mission.EXIT not in planner.site.landing_m:
+        return plans
+    return (*plans, planner.solve(exit_request(planner, at)))
+
+
+def visit_plans(
+    planner: Planner, request: PlanRequest, stops: tuple[str, ...]
+) -> tuple[tuple[Plan, ...], PlanRequest]:
+    """The plans of an order, to each stop from the one before, and the request from the last.
+
+    A stop without a path is left out behind its plan, which has the reason.
     """
     plans: list[Plan] = []
     at = request
@@ -64,9 +76,7 @@ def leg_plans(planner: Planner, request: PlanRequest, stops: tuple[str, ...]) ->
         plans.append(planner.solve(replace(at, target=stop)))
         if not plans[-1].reason:
             at = _at(request, planner.site.target(stop).position_m)
-    if Mission.EXIT in planner.site.landing_m:
-        plans.append(planner.solve(exit_request(planner, at)))
-    return tuple(plans)
+    return tuple(plans), at
 
 
 def _at(request: PlanRequest, place_m: PlanePoint) -> PlanRequest:
