@@ -23,8 +23,8 @@ from ..mavlink.translate import autopilot_kind
 from ..mavlink.urls import parse_url
 from ..types import Mission
 from .ground_station import COMPANION, GroundStation
-from .options import add_file, number, refused
-from .outputs import print_text
+from .options import add_file, add_json, number, refused
+from .outputs import json_output, print_text
 
 _STATUS = "status"
 _WORDS = (*ORDERS, _STATUS)
@@ -78,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=5.0,
         help="how long the companion may be silent, in s (default: 5)",
     )
+    add_json(parser, f"{_STATUS}: write it as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -85,10 +86,15 @@ def run(arguments: argparse.Namespace) -> int:
     address = parse_url(arguments.connect)
     order: str = arguments.order
     index = _index(order, arguments.target, arguments.site)
-    with contextlib.closing(GroundStation(address)) as operator:
+    if arguments.json is not None and order != _STATUS:
+        raise refused("--json", arguments.json, f"but {order} has none: it is of {_STATUS}")
+    with (
+        json_output(arguments.json) as document,
+        contextlib.closing(GroundStation(address)) as operator,
+    ):
         operator.find_companion(arguments.timeout)
         if order == _STATUS:
-            print_text(f"{_status(operator)}\n")
+            print_text(f"{_status(operator, document)}\n")
             return 0
         return _give(operator, order, index, arguments.timeout)
 
@@ -188,8 +194,8 @@ def _answer(
 # The companion's status
 
 
-def _status(operator: GroundStation) -> str:
-    """Messages received within a few seconds, as text for the operator."""
+def _status(operator: GroundStation, document: dict[str, Any]) -> str:
+    """Messages received within a few seconds, as text for the operator; fills the document."""
     beats: dict[int, Mapping[str, Any]] = {}
     values: dict[str, float | None] = {}
     texts: dict[str, None] = {}
@@ -201,6 +207,14 @@ def _status(operator: GroundStation) -> str:
         elif message.text is not None:
             texts[message.text] = None
     companion, autopilot = beats.get(COMPANION), beats.get(_AUTOPILOT)
+    document |= {
+        "system_id": operator.system_id,
+        "companion": None if companion is None else _companion(companion),
+        "autopilot": None if autopilot is None else _autopilot(autopilot),
+        "risk": {word: _finite(values.get(name)) for word, name in _RISKS.items()},
+        "weights": {word: _finite(values.get(name)) for word, name in _WEIGHTS.items()},
+        "texts": list(texts),
+    }
     known = f"system {operator.system_id}, component {COMPANION}"
     lines = (
         ("companion", known if companion is None else f"{known}: {_companion(companion)}"),
@@ -237,5 +251,11 @@ def _values(names: Mapping[str, str], values: Mapping[str, float | None]) -> str
 
 
 def _value(value: float | None) -> str:
+    """A value from the companion, for people."""
+    known = _finite(value)
+    return "unknown" if known is None else f"{known:.2f}"
+
+
+def _finite(value: float | None) -> float | None:
     """A value from the companion; MAVSDK reports one that is not finite as null."""
-    return f"{value:.2f}" if value is not None and math.isfinite(value) else "unknown"
+    return value if value is not None and math.isfinite(value) else None

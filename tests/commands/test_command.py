@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import signal
 import socket
@@ -205,7 +206,7 @@ def test_a_link_without_packets_is_reported(ordered):
     assert done.err.endswith("for 0.5 s: nothing is received\n")
 
 
-def test_status_shows_the_companions_own_reports(ordered):
+def test_status_shows_the_companions_own_reports(ordered, tmp_path):
     messages = [
         (COMPANION, mavlink.MAVLink_named_value_float_message(0, name.encode(), value))
         for name, value in [
@@ -222,8 +223,19 @@ def test_status_shows_the_companions_own_reports(ordered):
         text("MOAR: GNSS receiver has no 3D fix, holding"),
     ]
     with Aircraft(components=(AUTOPILOT, COMPANION), messages=[*messages, *reply]) as aircraft:
-        done = ordered("status", "--connect", aircraft.url)
+        done = ordered("status", "--connect", aircraft.url, "--json", str(tmp_path / "status.json"))
     assert (done.status, done.err, aircraft.commands) == (0, "", [])
+    assert json.loads((tmp_path / "status.json").read_text()) == {
+        "system_id": 1,
+        "companion": "flying, streams setpoints",
+        "autopilot": "px4, armed, OFFBOARD",
+        "risk": {"wind": 0.25, "communication": 0.0, "localization": None, "battery": None},
+        "weights": {"safety": 0.5, "time": 0.125, "energy": 0.375},
+        "texts": [
+            "MOAR: flying inspection to splice-1",
+            "MOAR: GNSS receiver has no 3D fix, holding",
+        ],
+    }
     assert done.out.splitlines() == [
         "companion  system 1, component 195: flying, streams setpoints",
         "autopilot  px4, armed, OFFBOARD",
@@ -310,6 +322,7 @@ def test_a_url_is_converted_to_that_of_mavsdk(url, mavsdks):
         (["exit", "--target", "9", "--site", SITE], ["'9'", "one of 0"]),
         (["exit", "--target", "-1"], ["'-1'", "index of a landing point"]),
         (["hold", "--target", "0"], ["'0'", "hold has no target"]),
+        (["hold", "--json", "-"], ["--json", "it is of status"]),
         (["inspection", "--target", "x", "--site", "no.yaml"], ["no.yaml", "no such file"]),
         (["hold", "--timeout", "0"], ["--timeout", "'0'", "above 0"]),
         (["hold", "--timeout", "nan"], ["--timeout", "'nan'"]),
