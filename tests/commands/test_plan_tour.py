@@ -50,6 +50,7 @@ def test_the_json_of_a_tour_extends_the_contract(capsys):
     assert len(answer["waypoints"]) == sum(len(leg["waypoints"]) for leg in legs)
 
 
+@pytest.mark.slow
 def test_a_tour_visits_every_view_and_reports_its_energy(tmp_path, capsys):
     targets = {
         "splice": {"conductor": "right-middle", "views": VIEWS},
@@ -65,6 +66,7 @@ def test_a_tour_visits_every_view_and_reports_its_energy(tmp_path, capsys):
     assert (energy["fitting"], answer["tour"]["left_out"]) == (3, [])
 
 
+@pytest.mark.slow
 def test_stops_that_do_not_fit_into_a_full_battery_are_named(tmp_path, capsys):
     vehicle = yaml.safe_load((shipped_configs() / "vehicles/linedrone_flight.yaml").read_text())
     # The first stop and the way out fit, and the second does not.
