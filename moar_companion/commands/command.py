@@ -29,7 +29,9 @@ from .outputs import json_output, print_text
 _STATUS = "status"
 _WORDS = (*ORDERS, _STATUS)
 _ANY = -1
-"""All targets in turn; any landing point."""
+"""All targets; any landing point."""
+_ALL = "all"
+"""Target of an order of all targets, as without one."""
 
 _AUTOPILOT = 1
 """The autopilot's component id."""
@@ -60,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--target",
         metavar="NAME|INDEX",
-        help="inspection: the target (default: all in turn); exit and evacuation: index of the "
+        help="inspection: the target, or all (the default); exit and evacuation: index of the "
         "landing point (default: any); indices begin at 0, a name needs --site",
     )
     parser.add_argument(
@@ -131,6 +133,8 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
     what = "target" if Mission(order).visits_targets else "landing point"
     if names == []:
         raise refused("--target", given, f"but the site has no {what}")
+    if given == _ALL and what == "target":
+        return _ANY
     if re.fullmatch(r"\d{1,5}", given, re.ASCII) and (names is None or int(given) < len(names)):
         return int(given)
     by_name = " or, with --site, its name" if what == "target" else ""
