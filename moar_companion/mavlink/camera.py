@@ -49,6 +49,8 @@ _ASKS = 3
 _ASK_PERIOD_S = 0.7
 _TRIES = 3
 """Pictures that are taken for one that is confirmed."""
+_LAST_UTC_US = 4_102_444_800_000_000
+"""The year 2100: a greater `time_utc` is no time, or in another unit."""
 _BUSY_PERIOD_S = 1.0
 _REFUSED_S = {CommandResult.TEMPORARILY_REJECTED: 15.0, CommandResult.FAILED: 5.0}
 """Longest wait for a camera that refuses a picture and may take it a moment later: a slow card
@@ -132,7 +134,8 @@ class CameraClient:
 
     def want(self, now_s: float) -> None:
         """Starts the search for a camera, where none has told what it is."""
-        late = self._is_guess and bool(self._heard) and self._request is None
+        idle = self._request is None and self.video is Capture.NONE
+        late = self._is_guess and self._on_autopilot and bool(self._heard) and idle
         if self._wanted_s is None or late:
             self._wanted_s, self._asked, self._searches = now_s, None, 0
             self.camera, self._is_guess = None, False
@@ -229,7 +232,7 @@ class CameraClient:
             if request is not None and request.command.result is not None:
                 self._try_again(request)
             return
-        utc_s = message.time_utc / 1e6 if message.time_utc else None
+        utc_s = message.time_utc / 1e6 if 0 < message.time_utc < _LAST_UTC_US else None
         url = message.file_url
         self._take_image(Image(received_s=now_s, number=number, file=url, utc_s=utc_s))
 

@@ -209,15 +209,60 @@ def test_a_component_that_is_received_late_replaces_the_guess():
     assert rig.camera.camera.ids == (1, 100)
 
 
+def test_a_camera_that_is_received_late_does_not_end_a_video():
+    rig = without_component()
+    rig.autopilot_answers = {
+        mavlink.MAV_CMD_REQUEST_MESSAGE: (3,),
+        mavlink.MAV_CMD_VIDEO_START_CAPTURE: (0,),
+    }
+    rig.want()
+    rig.run(4.0)
+    rig.camera.start_video()
+    rig.run(0.5)
+    rig.payload.faults.camera_silent = False
+    rig.run(1.5)
+    rig.want()
+    rig.camera.stop_video()
+    rig.run(0.1)
+    assert [
+        message.target_component for message in rig.commands(mavlink.MAV_CMD_VIDEO_STOP_CAPTURE)
+    ] == [1]
+
+
+def test_a_camera_that_does_not_tell_what_it_is_is_used():
+    rig = OnBoard()
+    rig.payload.receive = bytearray  # nothing arrives
+    rig.want()
+    for _ in range(8):
+        rig.run(0.5)
+        rig.want()
+    assert rig.camera.camera.ids == (1, 100)
+
+
+def captured(rig, number, result=1, utc_us=0):
+    """The camera's CAMERA_IMAGE_CAPTURED."""
+    message = mavlink.MAVLink_camera_image_captured_message(
+        0, utc_us, 1, 0, 0, 0, 0, [1.0, 0.0, 0.0, 0.0], number, result, b""
+    )
+    message.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=100))
+    rig.hear(message)
+
+
+def test_a_time_that_is_no_date_is_unknown():
+    rig = found()
+    for number, utc_us in enumerate(
+        (0, 1_764_343_509_250_000, 1_764_343_509_250_000_000, 2**64 - 1)
+    ):
+        captured(rig, number, utc_us=utc_us)
+    known = [image.utc_s for image in rig.camera.take_images()]
+    assert known == [None, 1_764_343_509.25, None, None]
+
+
 def test_a_failed_exposure_is_taken_again():
     rig = found()
     rig.camera.take_picture()
     rig.run(0.1)
-    failed = mavlink.MAVLink_camera_image_captured_message(
-        0, 0, 1, 0, 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 9, 0, b""
-    )
-    failed.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=100))
-    rig.hear(failed)
+    captured(rig, 9, result=0)
     rig.run(4.0)
     assert rig.camera.picture is Capture.DONE
     assert len({message.param4 for message in rig.commands(START)}) == 2

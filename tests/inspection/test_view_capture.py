@@ -45,6 +45,16 @@ class Story:
         return self.capture.phase
 
 
+def test_a_camera_that_is_lost_before_the_picture_is_waited_for():
+    story = Story()
+    story.run(STEADY, 0.5)
+    lost = replace(STEADY, camera_known=False)
+    assert story.run(lost, 5.0) is Phase.SETTLING
+    assert story.asks == []
+    assert story.run(lost, 20.0) is Phase.FAILED
+    assert story.capture.reason == "camera does not answer"
+
+
 def confirmed(seen=STEADY):
     return replace(seen, picture=Capture.DONE)
 

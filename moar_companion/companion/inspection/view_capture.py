@@ -185,6 +185,8 @@ def _off_aim(error_rad: float, limits: Inspection) -> str:
 
 def _unsteady(seen: Observed, limits: Inspection) -> str:
     """The first limit that is exceeded, as text; empty: none. Unknown is not steady."""
+    if not seen.camera_known:
+        return pilot_texts.CAMERA_SILENT()
     if seen.aim_error_rad is None:
         return pilot_texts.GIMBAL_SILENT()
     if math.degrees(seen.aim_error_rad) > limits.aim_deg:
