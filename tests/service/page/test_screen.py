@@ -422,11 +422,12 @@ def test_a_recording_is_played_back_with_its_events(browser, page):
 
 
 def test_a_telemetry_log_is_played_back_as_far_as_it_tells(browser):
-    replay = played("tests/data/ardupilot_failsafes.tlog", VEHICLE, None)
+    file = Path("tests/data/ardupilot_failsafes.tlog").resolve()
+    replay = played(str(file), VEHICLE, None)
     content = PageContent(
-        about={"kind": "recording", "recording": "flight.tlog", "vehicle": None},
+        about={"kind": "recording", "recording": file.name, "vehicle": None},
         site=lambda: None,
-        recordings=PageRecordings(file=Path("tests/data/ardupilot_failsafes.tlog").resolve()),
+        recordings=PageRecordings(file=file),
         open_playback=lambda _: ReplayPlayback(replay, None),
     )
     with served(content) as page, opened(browser, f"http://{page.host}/", fault="404") as tab:
