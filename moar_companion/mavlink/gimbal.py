@@ -55,6 +55,7 @@ _ATTITUDE_MAX_AGE_S = 2.0
 """Age above which the attitude is unknown: two periods of PX4's own rate."""
 _POINT_PERIOD_S = 0.2
 _POINT_AGAIN_S = 1.0
+_UNIT_TOLERANCE = 0.05
 _TURNED_RAD = math.radians(0.2)
 """Change of the angles that is sent at once; a smaller one with the next repeat."""
 
@@ -176,15 +177,20 @@ class GimbalClient:
             for command in (self._asked, self._configure):
                 if command is not None and command.answered(message, ours, now_s):
                     self._ask_s = -math.inf  # of the holder, at once
-        elif message_id == _ATTITUDE:
+        elif message_id == _ATTITUDE and component in self._devices:
             self._take_attitude(message, now_s)
         elif message_id == _STATUS and self.manager is not None and source == self.manager[1]:
             self.holder = (message.primary_control_sysid, message.primary_control_compid)
             self._status_s = now_s
 
+    @property
+    def _devices(self) -> set[int]:
+        """Component ids that report the attitude: of the manager, and of the device it names."""
+        return set() if self.manager is None else {self.manager[1][1], self._device_id}
+
     def _take_attitude(self, message: Message, now_s: float) -> None:
-        if not all(math.isfinite(part) for part in message.q):
-            return
+        if not abs(math.hypot(*message.q) - 1.0) <= _UNIT_TOLERANCE:
+            return  # no number, or zeros: not known
         pitch_rad, yaw_rad = _pitch_and_yaw_rad(message.q)
         self._attitude = GimbalAttitude(
             received_s=now_s,
@@ -218,6 +224,9 @@ class GimbalClient:
         control = self.control(ours, now_s)
         if self._takes and control is Control.FREE and self._may_configure(now_s):
             self._configure = self._configuration(float(ours[0]), float(ours[1]))
+        elif not self._takes and control is Control.OURS and self._may_configure(now_s):
+            # The order to give it back was lost, or the companion was restarted meanwhile.
+            self._configure = self._configuration(_RELEASED, _RELEASED)
         if self._configure is not None:
             messages += self._configure.due(now_s)
         if control is Control.OURS:

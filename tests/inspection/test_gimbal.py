@@ -77,6 +77,27 @@ def test_lost_answers_do_not_keep_control():
     assert rig.payload.holder == (0, 0)
 
 
+def test_control_is_given_back_after_a_lost_link():
+    rig = found()
+    rig.gimbal.take()
+    rig.run(1.0)
+    rig.gimbal.give_back()
+    receive, rig.payload.receive = rig.payload.receive, bytearray  # nothing arrives
+    rig.run(5.0)
+    rig.payload.receive = receive
+    rig.run(2.0)
+    assert rig.payload.holder == (0, 0)
+
+
+def test_control_of_before_a_restart_is_given_back():
+    rig = OnBoard(holder=OURS)
+    rig.run(5.0)
+    assert rig.payload.holder == OURS
+    rig.want()
+    rig.run(3.0)
+    assert rig.payload.holder == (0, 0)
+
+
 def test_a_silent_gimbal_is_unknown_and_an_aircraft_without_one_has_none():
     rig = found()
     rig.payload.faults.gimbal_silent = True
@@ -113,11 +134,22 @@ def test_the_frame_of_the_yaw_is_that_of_the_flags_else_that_of_the_lock():
         assert abs(known.heading_rad(0.2) - heading) < 1e-6
 
 
-def test_an_attitude_that_is_no_number_is_not_read():
+def test_an_attitude_that_is_no_rotation_is_not_read():
     rig = on_autopilot()
-    rig.from_autopilot(
-        mavlink.MAVLink_gimbal_device_attitude_status_message(
-            0, 0, 0, 0, [math.nan] * 4, 0.0, 0.0, 0.0, 0
+    for part in (math.nan, 0.0, math.inf, 3e38):
+        rig.from_autopilot(
+            mavlink.MAVLink_gimbal_device_attitude_status_message(
+                0, 0, 0, 0, [part] * 4, 0.0, 0.0, 0.0, 0
+            )
         )
-    )
-    assert rig.gimbal.attitude(rig.now_s) is None
+        assert rig.gimbal.attitude(rig.now_s) is None
+
+
+def test_the_attitude_of_another_component_is_not_read():
+    rig = found()
+    reported = rig.gimbal.attitude(rig.now_s)
+    q = [math.cos(0.5), 0.0, 0.0, math.sin(0.5)]
+    other = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 0, 0, q, 0.0, 0.0, 0.0, 0)
+    other.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=171))
+    rig.hear(other)
+    assert rig.gimbal.attitude(rig.now_s) == reported
