@@ -425,7 +425,16 @@ def _inspect(state: CycleState, now_s: float) -> None:
     flight, pose = state.routes.flight, state.pose
     error_m = None if flight is None or pose is None else flight.error_m(pose)
     plane = state.pose_tracker.plane
-    state.inspector.act(state.status, state.site, pose, plane, error_m, state.risk, now_s)
+    state.inspector.act(
+        state.status,
+        state.site,
+        pose,
+        plane,
+        error_m,
+        state.risk,
+        now_s,
+        position_error_m=state.margin.position_m,
+    )
 
 
 def _stream(state: CycleState, now_s: float, step_s: float) -> None:

@@ -223,12 +223,12 @@ class Inspection:
     position_m: Annotated[float, Field(ge=0.05, le=10.0)] = 0.7
     """Greatest distance from the place of the view in a picture; the gimbal aims from wherever the
     aircraft is."""
-    speed_mps: Annotated[float, Field(ge=0.02, le=5.0)] = 0.4
-    """Greatest speed in a picture: 4 m from a conductor, at 1/500 s, 0.4 m/s is a blur of 0.6
+    speed_mps: Annotated[float, Field(ge=0.02, le=5.0)] = 0.3
+    """Greatest speed in a picture: 4 m from a conductor, at 1/500 s, 0.3 m/s is a blur of 0.4
     pixels of a camera with 4000 pixels over 70°."""
     turn_rate_dps: Annotated[float, Field(ge=0.1, le=90.0)] = 5.0
-    """Greatest turn rate of the aircraft in a picture without a gimbal, with one four times as
-    much: a blur of 0.5 pixels of the same camera without one."""
+    """Greatest turn rate of the aircraft in a picture, a blur of 0.5 pixels of the same camera;
+    with a gimbal, whose yaw follows the nose, in roll and pitch four times as much."""
     settle_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
     """Time for which all limits hold before a picture, and least time between two."""
     timeout_s: Annotated[float, _Patience] = 20.0

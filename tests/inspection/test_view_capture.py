@@ -25,6 +25,7 @@ STEADY = Observed(
     position_error_m=0.1,
     speed_mps=0.05,
     turn_rate_radps=0.01,
+    yaw_rate_radps=0.01,
 )
 
 
@@ -81,6 +82,7 @@ def test_no_picture_is_taken_before_all_limits_hold_for_the_settling_time():
         replace(STEADY, turn_rate_radps=0.4),
         replace(STEADY, gimbal=Control.NO_GIMBAL, turn_rate_radps=0.1),
         replace(STEADY, turn_rate_radps=None),
+        replace(STEADY, yaw_rate_radps=-0.1),
         replace(STEADY, aim_error_rad=None),
     ):
         story = Story()
@@ -96,7 +98,7 @@ def test_what_is_never_steady_fails_with_its_limit():
     story = Story()
     story.run(STEADY, 0.3)
     assert story.run(replace(STEADY, speed_mps=0.5), 25.0) is Phase.FAILED
-    assert story.capture.reason == "unsteady: 0.5 m/s > 0.4"
+    assert story.capture.reason == "unsteady: 0.5 m/s > 0.3"
 
 
 def test_a_picture_during_which_the_aircraft_moved_is_taken_again_and_the_third_counts():

@@ -22,8 +22,8 @@ from ...texts.text_format import exceeds, limit_text
 _UNSTEADY_TRIES = 3
 """Pictures that are taken for one that was steady; the last of them counts, and is marked."""
 _TAKEN_BY_GIMBAL = 4.0
-"""Multiple of the turn rate that a gimbal permits, which leaves a twentieth of it: PX4's own
-simulator hovers with up to 20 degrees a second."""
+"""Multiple of the turn rate that a gimbal permits in roll and pitch, of which it leaves a
+twentieth: PX4's own simulator hovers with up to 20 degrees a second."""
 
 
 class Phase(str, enum.Enum):
@@ -50,7 +50,8 @@ class Observed:
     """Aircraft, gimbal and camera at one instant.
 
     aim_error_rad: from the camera's axis to the aim point; None while unknown. position_error_m:
-    from the setpoint. turn_rate_radps: None while unknown. failure: reason of the camera.
+    from the setpoint. turn_rate_radps, of all axes, and yaw_rate_radps: None while unknown.
+    failure: reason of the camera.
     """
 
     gimbal: Control
@@ -60,6 +61,7 @@ class Observed:
     position_error_m: float
     speed_mps: float
     turn_rate_radps: float | None
+    yaw_rate_radps: float | None
     picture: Capture = Capture.NONE
     video: Capture = Capture.NONE
     failure: str = ""
@@ -191,13 +193,16 @@ def _unsteady(seen: Observed, limits: Inspection) -> str:
         return pilot_texts.GIMBAL_SILENT()
     if math.degrees(seen.aim_error_rad) > limits.aim_deg:
         return _off_aim(seen.aim_error_rad, limits)
-    rate_dps = math.inf if seen.turn_rate_radps is None else math.degrees(seen.turn_rate_radps)
-    most_dps = limits.turn_rate_dps * (
-        1.0 if seen.gimbal is Control.NO_GIMBAL else _TAKEN_BY_GIMBAL
+    turn_dps, yaw_dps = (
+        math.inf if rate_radps is None else math.degrees(abs(rate_radps))
+        for rate_radps in (seen.turn_rate_radps, seen.yaw_rate_radps)
     )
+    # The gimbal's yaw follows the nose.
+    gimbals = seen.gimbal is not Control.NO_GIMBAL
+    rate_dps = max(yaw_dps, turn_dps / _TAKEN_BY_GIMBAL) if gimbals else turn_dps
     exceeded = (
         exceeds("", seen.position_error_m, limits.position_m, "m")
         or exceeds("", seen.speed_mps, limits.speed_mps, "m/s")
-        or exceeds("", rate_dps, most_dps, "dps")
+        or exceeds("", rate_dps, limits.turn_rate_dps, "dps")
     )
     return "" if exceeded is None else pilot_texts.UNSTEADY(quantity=exceeded)
