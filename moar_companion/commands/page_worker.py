@@ -18,7 +18,7 @@ from typing import Any
 
 from ..service.page.page_channel import ServiceChannel
 from ..service.page.page_recordings import PageRecordings
-from ..service.page.page_server import PageContent, Playback, WhatIf, serve
+from ..service.page.page_server import PageContent, Playback, WhatIfPlans, serve
 
 _logger = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ def content_of(setup: Mapping[str, Any], channel: ServiceChannel) -> PageContent
     )
 
 
-def _what_if(setup: Mapping[str, Any]) -> WhatIf:
+def _what_if(setup: Mapping[str, Any]) -> WhatIfPlans:
     """Of the site and the vehicle as their files have them, with the margin of the flight."""
     from ..planner.site import Margin  # noqa: PLC0415
     from ..settings.vehicle import Vehicle  # noqa: PLC0415

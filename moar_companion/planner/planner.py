@@ -94,7 +94,7 @@ class MissionGoal:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Problem:
+class SearchProblem:
     """A request in the graph's terms. start: flat cell; velocity_mps: (3,)."""
 
     request: PlanRequest
@@ -350,7 +350,7 @@ class Planner:
         problem = self.problem(request)
         return problem if isinstance(problem, Plan) else self._search(problem)
 
-    def problem(self, request: PlanRequest) -> Problem | Plan:
+    def problem(self, request: PlanRequest) -> SearchProblem | Plan:
         """A request in the graph's terms; a plan without a path where start or goal exclude one.
 
         Errors as of `plan`.
@@ -373,7 +373,7 @@ class Planner:
             return self._none(request, status, f"target {target.name}", target.position_m)
         velocity = np.zeros(3)
         velocity[: len(start_cell)] = request.velocity_mps
-        return Problem(
+        return SearchProblem(
             request=request, start=grid.flat(start_cell), velocity_mps=velocity, goal=goal
         )
 
@@ -415,7 +415,7 @@ class Planner:
         refinement = self._refiner.refine(plan, region)
         return replace(refinement, compute_ms=self._passed_ms(began_s))
 
-    def _search(self, problem: Problem) -> Plan:
+    def _search(self, problem: SearchProblem) -> Plan:
         began_s = self._clock_s()
         request, goal = problem.request, problem.goal.goal
         start, velocity = problem.start, problem.velocity_mps

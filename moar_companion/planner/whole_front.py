@@ -24,7 +24,7 @@ from .grid import BoolArray, FloatArray, IntArray
 from .jit import direct
 from .pareto_search import headings_to, pareto_search
 from .plan_values import Compute, Plan, PlanRequest
-from .planner import Planner, Problem
+from .planner import Planner, SearchProblem
 from .regions import LandingLeg, landing_leg
 from .solver import Solver, arrival_costs, walked
 
@@ -189,7 +189,7 @@ def choose(
     )
 
 
-def _weighted(planner: Planner, problem: Problem, weights: Weights) -> Criterion:
+def _weighted(planner: Planner, problem: SearchProblem, weights: Weights) -> Criterion:
     """J for weights; the landing leg has no part in it."""
     graph = planner.graph
     step, change = arrival_costs(graph, weights)
@@ -199,7 +199,7 @@ def _weighted(planner: Planner, problem: Problem, weights: Weights) -> Criterion
     return Criterion(step, to_go, np.zeros(len(graph.allowed)), change)
 
 
-def _timed(planner: Planner, problem: Problem) -> Criterion:
+def _timed(planner: Planner, problem: SearchProblem) -> Criterion:
     """The duration in seconds, landing leg included."""
     step, _ = arrival_costs(planner.graph, _TIME)
 
@@ -209,7 +209,7 @@ def _timed(planner: Planner, problem: Problem) -> Criterion:
     return _additive(planner, problem, step, leg_s)
 
 
-def _powered(planner: Planner, problem: Problem, power_w: PowerW) -> Criterion:
+def _powered(planner: Planner, problem: SearchProblem, power_w: PowerW) -> Criterion:
     """The energy in Wh, landing leg included."""
     graph = planner.graph
     speed, unit = graph.speed[:, 1:], graph.unit[1:]
@@ -235,7 +235,7 @@ def _leg_times(leg: LandingLeg, from_m: FloatArray) -> tuple[FloatArray, FloatAr
 
 def _additive(
     planner: Planner,
-    problem: Problem,
+    problem: SearchProblem,
     step: FloatArray,
     of_leg: Callable[[LandingLeg, FloatArray], float],
 ) -> Criterion:
@@ -265,7 +265,7 @@ def _additive(
     return Criterion(step, np.repeat(to_go[:, None], moves, axis=1), behind, 0.0)
 
 
-def _legs(planner: Planner, problem: Problem) -> list[tuple[int, LandingLeg, FloatArray]]:
+def _legs(planner: Planner, problem: SearchProblem) -> list[tuple[int, LandingLeg, FloatArray]]:
     """The landing leg behind each flat cell of the goal, and the point where it begins, (2,)."""
     grid, region = planner.graph.grid, problem.goal.region
     if region is None:
@@ -281,7 +281,7 @@ def _legs(planner: Planner, problem: Problem) -> list[tuple[int, LandingLeg, Flo
 
 
 def _front(
-    planner: Planner, problem: Problem, first: Criterion, second: Criterion
+    planner: Planner, problem: SearchProblem, first: Criterion, second: Criterion
 ) -> WholeFront | None:
     """The front of two costs; None if no path leads to the goal."""
     graph, goal = planner.graph, problem.goal.goal
@@ -349,7 +349,7 @@ def _undominated(ends: IntArray, labels: Labels) -> IntArray:
     return undominated
 
 
-def _plan(planner: Planner, problem: Problem, headings: IntArray, expanded: int) -> Plan:
+def _plan(planner: Planner, problem: SearchProblem, headings: IntArray, expanded: int) -> Plan:
     request = problem.request
     states, cost = walked(
         planner.graph, problem.start, problem.velocity_mps, headings, request.weights
@@ -358,7 +358,7 @@ def _plan(planner: Planner, problem: Problem, headings: IntArray, expanded: int)
     return planner.found(request, states, cost, compute)
 
 
-def _with_clearance(planner: Planner, problem: Problem, wish: Wish, preferred: Weights) -> Choice:
+def _with_clearance(planner: Planner, problem: SearchProblem, wish: Wish, preferred: Weights) -> Choice:
     """The best path whose clearance is nowhere less; otherwise the one of the greatest clearance.
 
     The cells that are too near are left out of the graph, and goals whose landing leg is.

@@ -22,7 +22,7 @@ from ..mavlink.commands import CommandResult
 from ..mavlink.link_basics import clock_s, reason
 from ..planner.site_view import maps_view, site_view
 from ..settings.config import CompanionConfig
-from ..settings.page_config import Page
+from ..settings.page_config import PageConfig
 from ..settings.vehicle import Vehicle
 from .child_process import ChildProcess
 from .directories import recorder_folder
@@ -92,7 +92,7 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def read_token(settings: Page, source: str) -> str | None:
+def read_token(settings: PageConfig, source: str) -> str | None:
     """The token of orders; None if the page gives none. Raises InputError."""
     if not settings.takes_orders:
         return None

@@ -17,7 +17,7 @@ from pydantic import Field
 from . import yaml_file
 from .link_config import KeySource, LinkConfig, LinkRole, link_findings
 from .mqtt_config import ORDER_LINK, Mqtt, mqtt_findings
-from .page_config import PAGE_LINK, Page, page_findings
+from .page_config import PAGE_LINK, PageConfig, page_findings
 from .perception_config import Perception, perception_findings
 from .yaml_file import FileFinding
 from .yaml_schema import FileModel, LinkUrl, Section, under
@@ -309,7 +309,7 @@ class CompanionConfig:
     view: View = field(default_factory=View)
     signing: KeySource = field(default_factory=KeySource)
     mqtt: Mqtt = field(default_factory=Mqtt)
-    page: Page = field(default_factory=Page)
+    page: PageConfig = field(default_factory=PageConfig)
     perception: Perception = field(default_factory=Perception)
     file: Path | None = field(default=None, compare=False)
     """File that it was read from; None without a file."""

@@ -45,7 +45,7 @@ def _tile_url(text: str | None) -> str | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Page:
+class PageConfig:
     """The page of the aircraft, for browsers."""
 
     enabled: bool = False
@@ -75,7 +75,7 @@ class Page:
         return self.enabled and has_token
 
 
-def page_findings(section: Page) -> Iterator[FileFinding]:
+def page_findings(section: PageConfig) -> Iterator[FileFinding]:
     """Errors across the keys of the section."""
     name = section.token_credential
     if name is not None and Path(name).name != name:

@@ -84,7 +84,7 @@ def test_without_a_position_there_is_no_place(place_at):
 def test_an_escape_route_is_planned_with_the_margin_also_from_within_the_margin():
     """1.5 m below a conductor: an X500's hull is nearer to it than PX4's margin allows."""
     file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
-    site_position = replay._site_position(str(file), VEHICLE)
+    site_position = replay.site_position_of(str(file), VEHICLE)
     assert site_position._planner.site == flown_site(SITE, VEHICLE, Supervision())
     x_m, z_m = SITE.obstacles[3].position_m
     near, free = (

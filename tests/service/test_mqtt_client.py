@@ -237,7 +237,7 @@ def test_an_answer_of_the_last_cycle_is_published(port, reader, tmp_path):
         given = OrderPayload(mission="inspection", time_s=time.time() + 1.0, nonce="n" * 16)
         orders = loop._publisher.orders
         reader.publish("moar/a1/order", signed_order(given, "a1", b"k" * 32))
-        wait_until(lambda: orders._waiting)
+        wait_until(lambda: orders.queue._waiting)
         desk = Desk(mqtt=Mqtt(url="mqtt://a", vehicle="a1", commands=MqttCommands(accept=True)))
         desk.run(1.0)
         for packet in orders.queue.take():

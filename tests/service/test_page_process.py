@@ -22,7 +22,7 @@ from moar_companion.planner.maps import build_maps
 from moar_companion.planner.site import Site
 from moar_companion.service.page_process import PageProcess, listen, read_token
 from moar_companion.settings.config import CompanionConfig, shipped_configs
-from moar_companion.settings.page_config import Page
+from moar_companion.settings.page_config import PageConfig
 from moar_companion.settings.vehicle import Vehicle
 from tests.mqtt.test_orders import ACCEPTED, USER_1, acknowledgement
 
@@ -44,7 +44,7 @@ def token_file(tmp_path):
 def config(token_file):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    page = Page(enabled=True, port=port, token_file=token_file)
+    page = PageConfig(enabled=True, port=port, token_file=token_file)
     return CompanionConfig(vehicle=VEHICLE_FILE, site=SITE_FILE, page=page)
 
 
@@ -273,15 +273,15 @@ def test_a_token_that_cannot_be_used_is_one_line_without_it(tmp_path, content, m
     file.write_bytes(content)
     file.chmod(mode)
     with pytest.raises(InputError, match=problem) as caught:
-        read_token(Page(enabled=True, token_file=file), "companion.yaml")
+        read_token(PageConfig(enabled=True, token_file=file), "companion.yaml")
     assert str(caught.value).startswith(f"companion.yaml: page.token_file: is {str(file)!r}: ")
     assert TOKEN not in str(caught.value)
 
 
 def test_the_token_is_the_one_line_of_its_file_or_of_a_credential(token_file, monkeypatch):
-    assert read_token(Page(enabled=True, token_file=token_file), "") == TOKEN
+    assert read_token(PageConfig(enabled=True, token_file=token_file), "") == TOKEN
     monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(token_file.parent))
-    credential = Page(enabled=True, token_credential=token_file.name)
+    credential = PageConfig(enabled=True, token_credential=token_file.name)
     assert read_token(credential, "") == TOKEN
-    assert read_token(Page(enabled=True), "") is None
+    assert read_token(PageConfig(enabled=True), "") is None
     assert Path(token_file).exists()

@@ -31,7 +31,7 @@ _ANSWER_S = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class ServiceAnswer:
     """The companion's answer to an order, by the name of its MAV_RESULT."""
 
     result: str
@@ -46,7 +46,7 @@ class ServiceChannel:
         self._socket = channel
         self._writer: asyncio.StreamWriter | None = None
         self._numbers = itertools.count(1)
-        self._answers: dict[str, asyncio.Queue[Answer]] = {}
+        self._answers: dict[str, asyncio.Queue[ServiceAnswer]] = {}
         self.feed = LiveFeed(self._note_watched)
         self.site: dict[str, Any] | None = None
         """Site and maps, with their revision."""
@@ -66,11 +66,11 @@ class ServiceChannel:
             silence.cancel()
             self._writer.close()
 
-    async def order(self, word: str, target: int | None) -> Answer | None:
+    async def order(self, word: str, target: int | None) -> ServiceAnswer | None:
         """Gives an order; its last answer within a time, else the one so far; None without any."""
         order_id = str(next(self._numbers))
         queue = self._answers[order_id] = asyncio.Queue()
-        answer: Answer | None = None
+        answer: ServiceAnswer | None = None
         end_s = time.monotonic() + _ANSWER_S
         self._send({"order": {"order_id": order_id, "word": word, "target": target}})
         try:
@@ -91,7 +91,7 @@ class ServiceChannel:
                 self.site = site
             case {"answer": answer} if answer["order_id"] in self._answers:
                 values = {name: answer[name] for name in ("result", "final", "reason")}
-                self._answers[answer["order_id"]].put_nowait(Answer(**values))
+                self._answers[answer["order_id"]].put_nowait(ServiceAnswer(**values))
 
     def _note_watched(self, watched: bool) -> None:
         self._send({"watched": watched})

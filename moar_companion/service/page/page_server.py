@@ -38,7 +38,7 @@ from .browser_connection import BrowserConnection
 from .live_feed import LiveFeed
 from .live_state import json_text
 from .newest_work import NewestWork, SupersededError
-from .page_channel import Answer
+from .page_channel import ServiceAnswer
 from .page_recordings import PageRecordings
 from .request_checks import has_token
 from .request_guard import RequestGuard
@@ -75,7 +75,7 @@ class Playback(Protocol):
         """Site and maps; None without any."""
 
 
-class WhatIf(Protocol):
+class WhatIfPlans(Protocol):
     """Plans of a changed site; called in one thread."""
 
     def document(self) -> dict[str, Any]:
@@ -96,11 +96,11 @@ class PageContent:
     about: Mapping[str, Any]
     site: Callable[[], dict[str, Any] | None]
     feed: LiveFeed | None = None
-    order: Callable[[str, int | None], Awaitable[Answer | None]] | None = None
+    order: Callable[[str, int | None], Awaitable[ServiceAnswer | None]] | None = None
     token: str | None = None
     recordings: PageRecordings = field(default_factory=PageRecordings)
     open_playback: Callable[[Path], Playback] | None = None
-    make_what_if: Callable[[], WhatIf] | None = None
+    make_what_if: Callable[[], WhatIfPlans] | None = None
     allowed_hosts: frozenset[str] = frozenset()
     tile_url: str | None = None
 
@@ -198,7 +198,7 @@ class _Page:
         # The planner and a recording's reader are each for one thread.
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="page")
         self._newest = NewestWork(self._thread)
-        self._what_if: WhatIf | None = None
+        self._what_if: WhatIfPlans | None = None
         self._playback: tuple[Path, Playback] | None = None
 
     async def index(self, request: Request) -> Response:
