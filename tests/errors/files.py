@@ -62,6 +62,7 @@ SITE: dict[str, Any] = {
         "resolution_m": 0.3,
         "min_altitude_m": 2.0,
     },
+    "ground": [[0.0, 0.0], [14.0, 1.0], [30.0, 0.5]],
     "obstacles": [
         {"conductor": {"name": "left", "x_m": 9, "z_m": 8, "radius_m": 0.03, "keep_out_m": 0.5}},
         {
@@ -234,7 +235,7 @@ REQUIRED = {
 }  # fmt: skip
 EMPTY_IS_NONE = {
     "site.yaml": {
-        "workspace.min_altitude_m", "targets.splice-1.dwell_s", "targets.splice-1.yaw_deg",
+        "workspace.min_altitude_m", "ground", "targets.splice-1.dwell_s", "targets.splice-1.yaw_deg",
         "targets.splice-3.views", "targets.splice-3.views[0].conductor",
         "targets.splice-3.views[0].pictures", "targets.splice-3.views[1].aim",
         "targets.splice-3.views[1].zoom_percent",

@@ -81,7 +81,7 @@ OUTSIDE = {
         "longitude_deg": (-180.1, 180.1),
         "altitude_amsl_m": (-1000.1, 10_000.1),
         "azimuth_deg": (-0.1, 360.1),
-        **dict.fromkeys(("x_m", "z_m", "min_altitude_m", "vertices_m"), (-FAR, FAR)),
+        **dict.fromkeys(("x_m", "z_m", "min_altitude_m", "vertices_m", "ground"), (-FAR, FAR)),
         **dict.fromkeys(("resolution_m", "radius_m", "standoff_m"), (0.0, FAR)),
         "keep_out_m": (-0.1, FAR),
         "dwell_s": (-0.1, 86_400.1),
@@ -359,6 +359,9 @@ def test_only_a_required_key_must_be_there(file, tmp_path, capsys):
             assert (
                 str(refusal(file, text, tmp_path, capsys)) == f"{path}: {dotted(key)}: is missing"
             )
+        elif key[-1] == "min_altitude_m":
+            must = f"{path}: {dotted(key)}: is missing: "
+            assert str(refusal(file, text, tmp_path, capsys)).startswith(must)
         elif key[0] == "obstacles" and key[-1] in ("conductor", "polygon"):
             must = f"{path}: {dotted(key[:-1])}: must have one key, conductor or polygon"
             assert str(refusal(file, text, tmp_path, capsys)).startswith(must)
