@@ -74,7 +74,7 @@ def build(architecture: str, python: str, out: Path, scratch: Path) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     package = out / f"moar-companion_{version}_{architecture}.deb"
     subprocess.run(
-        ["dpkg-deb", "--root-owner-group", "-Zzstd", "-z6", "--build", root, package],
+        ["dpkg-deb", "--root-owner-group", "-Zxz", "-z1", "--build", root, package],
         stdout=subprocess.DEVNULL,
         env={**os.environ, "SOURCE_DATE_EPOCH": str(_changed_s())},
         check=True,
