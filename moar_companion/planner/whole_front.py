@@ -358,7 +358,9 @@ def _plan(planner: Planner, problem: SearchProblem, headings: IntArray, expanded
     return planner.found(request, states, cost, compute)
 
 
-def _with_clearance(planner: Planner, problem: SearchProblem, wish: Wish, preferred: Weights) -> Choice:
+def _with_clearance(
+    planner: Planner, problem: SearchProblem, wish: Wish, preferred: Weights
+) -> Choice:
     """The best path whose clearance is nowhere less; otherwise the one of the greatest clearance.
 
     The cells that are too near are left out of the graph, and goals whose landing leg is.

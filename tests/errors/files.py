@@ -235,7 +235,8 @@ REQUIRED = {
 }  # fmt: skip
 EMPTY_IS_NONE = {
     "site.yaml": {
-        "workspace.min_altitude_m", "ground", "targets.splice-1.dwell_s", "targets.splice-1.yaw_deg",
+        "workspace.min_altitude_m", "ground",
+        "targets.splice-1.dwell_s", "targets.splice-1.yaw_deg",
         "targets.splice-3.views", "targets.splice-3.views[0].conductor",
         "targets.splice-3.views[0].pictures", "targets.splice-3.views[1].aim",
         "targets.splice-3.views[1].zoom_percent",

@@ -71,7 +71,9 @@ def test_a_text_is_used_and_has_known_fields_and_a_meaning(name):
     text = TEXTS[name]
     assert FIELDS.keys() >= set(text.fields)
     assert text.meaning
-    uses = [path for path in SOURCES.rglob("*.py") if re.search(rf"_texts\.{name}\b", path.read_text())]
+    uses = [
+        path for path in SOURCES.rglob("*.py") if re.search(rf"_texts\.{name}\b", path.read_text())
+    ]
     assert uses
 
 
