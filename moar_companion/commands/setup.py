@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, LinkError
 from ..mavlink.urls import parse_url
-from ..settings.config import Authority, CompanionConfig, shipped_configs
+from ..settings.config import Authority, CompanionConfig, LossCheck, shipped_configs
 from ..types import AUTOPILOTS, AutopilotKind
 from .options import add_file, add_json, number, numbers, refused
 from .outputs import check_outputs, json_output, print_text, replace_together, write_output
@@ -41,6 +41,10 @@ _EDITORS_LINE = "# yaml-language-server:"
 """Begin of the shipped file's first line, which names a schema beside it."""
 _FOUND_S = 10.0
 """Ten heartbeats."""
+_NONE, _NEW = "none", "new"
+"""Answers for no site, and for a vehicle file that is to be written."""
+_UNREADABLE = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # noqa: S108 - named, not used
+"""Folders that the unit hides from the service (`ProtectHome=`, `PrivateTmp=`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +85,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --offline: kind of the autopilot",
     )
     vehicle = parser.add_argument_group("the vehicle")
-    add_file(vehicle, "--vehicle", "use this vehicle file, and write none")
+    add_file(
+        vehicle,
+        "--vehicle",
+        "use this vehicle file, and write none (default: that of the configuration, unless one of "
+        "the options below is given)",
+    )
     vehicle.add_argument("--name", metavar="NAME", type=_name, help="of the vehicle")
     vehicle.add_argument(
         "--radius",
@@ -102,13 +111,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the battery, in series; 0: not known (default: the autopilot's)",
     )
     mission = parser.add_argument_group("the service")
-    add_file(mission, "--site", "the site (default: none, telemetry and risk only)")
+    add_file(
+        mission,
+        "--site",
+        f"the site; {_NONE}: telemetry and risk only (default: that of the configuration)",
+    )
     mission.add_argument(
         "--authority",
         metavar="|".join(_AUTHORITIES),
         type=_authority,
         help="observe never streams; stream: when the pilot has given the mode; engage: may "
-        "request modes (default: stream)",
+        "request modes (default: that of the configuration, else stream)",
     )
     parameters = parser.add_argument_group("the autopilot's parameters")
     parameters.add_argument(
@@ -135,22 +148,23 @@ def _set_up(arguments: argparse.Namespace, document: dict[str, Any]) -> int:
     questions, folder = Questions(yes=arguments.yes), _folder(arguments)
     check_outputs({"--parameters": arguments.parameters}, {})
     config_file = folder / "companion.yaml"
-    _load_named(arguments)
-    before = CompanionConfig.load(config_file) if config_file.exists() else None
+    _load_named(arguments, folder)
+    before = _before(config_file)
     url = _link(arguments, questions)
     aircraft = None if arguments.offline else asyncio.run(_read(url))
     kind: AutopilotKind = arguments.autopilot if aircraft is None else aircraft.autopilot.kind
     print_text(f"{_described(kind, aircraft)} on {url}\n")
     files: dict[Path, str] = {}
-    vehicle_file = _vehicle(arguments, questions, folder, files, kind, aircraft)
-    site = _site(arguments, questions)
+    vehicle_file = _vehicle(arguments, questions, folder, before, files, kind, aircraft)
+    site = _site(arguments, questions, folder, before)
+    present = Authority.STREAM if before is None else before.authority
     authority = questions.ask(
         "--authority",
         f"authority: {', '.join(_AUTHORITIES)}",
         arguments.authority,
         _authority,
-        Authority.STREAM,
-        Authority.STREAM.value,
+        present,
+        present.value,
     )
     from .setup_files import config_text  # noqa: PLC0415
 
@@ -165,11 +179,13 @@ def _set_up(arguments: argparse.Namespace, document: dict[str, Any]) -> int:
         site=None if site is None else _relative(site, folder),
         authority=authority,
     )
-    vehicle = _tried(files, config_file, vehicle_file)
+    config, vehicle = _tried(files, config_file, vehicle_file)
     replace_together(files)
     print_text("".join(f"wrote {path}\n" for path in files))
     _check(config_file, files_only=aircraft is None)
-    advice, results = _advise(arguments, questions, url, aircraft, vehicle)
+    advice, results = _advise(
+        arguments, questions, url, aircraft, vehicle, config.supervision.loss_action
+    )
     print_text(f"next: moar-companion check --config {config_file}\n")
     document |= {
         "link": url,
@@ -271,11 +287,15 @@ def _vehicle(
     arguments: argparse.Namespace,
     questions: Questions,
     folder: Path,
+    before: CompanionConfig | None,
     files: dict[Path, str],
     kind: AutopilotKind,
     aircraft: _Aircraft | None,
 ) -> Path:
-    """The vehicle file: the given one, or a new one of answers, added to the files."""
+    """The vehicle file: the given or present one, or a new one of answers, added to the files.
+
+    A file that the new one replaces is kept beside it.
+    """
     from ..mavlink.autopilots.parameter_names import Parameters  # noqa: PLC0415
     from ..mavlink.telemetry import Telemetry  # noqa: PLC0415
     from .setup_files import (  # noqa: PLC0415
@@ -289,6 +309,17 @@ def _vehicle(
 
     if arguments.vehicle is not None:
         return Path(arguments.vehicle)
+    present = _present_vehicle(arguments, before, kind)
+    if present is not None:
+        answer = questions.ask(
+            "--vehicle",
+            f"vehicle file; {_NEW}: asks for another vehicle",
+            None,
+            lambda text: text if text == _NEW else _vehicle_file(text, folder),
+            present,
+        )
+        if answer != _NEW:
+            return Path(answer)
     parameters = Parameters({}) if aircraft is None else aircraft.parameters
     telemetry = Telemetry() if aircraft is None else aircraft.telemetry
     name = questions.ask("--name", "name of the vehicle", arguments.name, _name, _NAME)
@@ -314,6 +345,8 @@ def _vehicle(
         cells_of(kind, parameters, telemetry) or 0,
     )
     path = folder / "vehicle.yaml"
+    if path.exists():
+        files[folder / "vehicle.yaml.old"] = path.read_text(encoding="utf-8", errors="replace")
     files[path] = vehicle_text(
         VehicleAnswers(
             name=name,
@@ -328,37 +361,83 @@ def _vehicle(
     return path
 
 
-def _site(arguments: argparse.Namespace, questions: Questions) -> Path | None:
-    from ..planner.site import Site  # noqa: PLC0415
-
-    def existing(text: str) -> str:
-        Site.load(text)
-        return text
-
-    file = questions.ask(
-        "--site",
-        "site file (moar-companion site new makes one)",
-        arguments.site,
-        existing,
-        "",
-        "none",
-    )
-    return Path(file) if file else None
-
-
-def _load_named(arguments: argparse.Namespace) -> None:
-    """Refuses files of the command line that cannot be used, before anything is searched."""
-    from ..planner.site import Site  # noqa: PLC0415
+def _present_vehicle(
+    arguments: argparse.Namespace, before: CompanionConfig | None, kind: AutopilotKind
+) -> str | None:
+    """The configuration's vehicle file; None if it is of another autopilot, or others are given."""
     from ..settings.vehicle import Vehicle  # noqa: PLC0415
 
-    if arguments.site is not None:
-        Site.load(arguments.site)
+    new = (arguments.name, arguments.radius, arguments.speeds, arguments.cells)
+    if before is None or any(each is not None for each in new):
+        return None
+    try:
+        fits = Vehicle.load(before.vehicle).autopilot == kind
+    except InputError:
+        return None
+    return str(before.vehicle) if fits else None
+
+
+def _site(
+    arguments: argparse.Namespace,
+    questions: Questions,
+    folder: Path,
+    before: CompanionConfig | None,
+) -> Path | None:
+    present = None if before is None else before.site
+    file = questions.ask(
+        "--site",
+        f"site file (moar-companion site new makes one); {_NONE}: telemetry and risk only",
+        arguments.site,
+        lambda text: text if text == _NONE else _site_file(text, folder),
+        _NONE if present is None else str(present),
+    )
+    return None if file == _NONE else Path(file)
+
+
+def _before(config_file: Path) -> CompanionConfig | None:
+    """The configuration that is there; None without one, and for the example of the package."""
+    if not config_file.exists():
+        return None
+    before = CompanionConfig.load(config_file)
+    example = (shipped_configs() / "companion.yaml").read_bytes()
+    return None if config_file.read_bytes() == example else before
+
+
+def _load_named(arguments: argparse.Namespace, folder: Path) -> None:
+    """Refuses files of the command line that cannot be used, before anything is searched."""
+    if arguments.site not in (None, _NONE):
+        _site_file(arguments.site, folder)
     if arguments.vehicle is not None:
-        Vehicle.load(arguments.vehicle)
+        _vehicle_file(arguments.vehicle, folder)
 
 
-def _tried(files: dict[Path, str], config_file: Path, vehicle_file: Path) -> Vehicle:
-    """The vehicle, after all new files were read as the service reads them, in another folder."""
+def _site_file(text: str, folder: Path) -> str:
+    from ..planner.site import Site  # noqa: PLC0415
+
+    Site.load(text)
+    return _for_service("--site", text, folder)
+
+
+def _vehicle_file(text: str, folder: Path) -> str:
+    from ..settings.vehicle import Vehicle  # noqa: PLC0415
+
+    Vehicle.load(text)
+    return _for_service("--vehicle", text, folder)
+
+
+def _for_service(option: str, text: str, folder: Path) -> str:
+    """A file's name; InputError for one that the installed service could not read."""
+    installed, real = INSTALLED_CONFIG.parent, Path(text).resolve()
+    hidden = any(real.is_relative_to(each) for each in _UNREADABLE)
+    if hidden and folder.resolve().is_relative_to(installed):
+        raise refused(option, text, f"where the service may not read: copy it to {installed}")
+    return text
+
+
+def _tried(
+    files: dict[Path, str], config_file: Path, vehicle_file: Path
+) -> tuple[CompanionConfig, Vehicle]:
+    """The new files as the service reads them, read in another folder."""
     from ..settings.vehicle import Vehicle  # noqa: PLC0415
 
     with tempfile.TemporaryDirectory() as folder:
@@ -366,10 +445,10 @@ def _tried(files: dict[Path, str], config_file: Path, vehicle_file: Path) -> Veh
         for path, text in files.items():
             staged[path].write_text(text, encoding="utf-8")
         try:
-            CompanionConfig.load(staged[config_file])
+            config = CompanionConfig.load(staged[config_file])
         except InputError as error:
             raise InputError(str(config_file), error.key, error.problem) from None
-        return Vehicle.load(staged.get(vehicle_file, vehicle_file))
+        return config, Vehicle.load(staged.get(vehicle_file, vehicle_file))
 
 
 def _check(config_file: Path, *, files_only: bool) -> None:
@@ -392,6 +471,7 @@ def _advise(
     url: str,
     aircraft: _Aircraft | None,
     vehicle: Vehicle,
+    policy: LossCheck,
 ) -> tuple[list[Advice], list[SetResult]]:
     """Shows what should be set, writes it into a file, and sets it after a yes."""
     if aircraft is None:
@@ -402,13 +482,12 @@ def _advise(
         qgroundcontrol_text,
     )
     from ..mavlink.autopilots import profile  # noqa: PLC0415
-    from ..settings.config import Supervision  # noqa: PLC0415
 
     advice = advices(
         profile(aircraft.autopilot.kind),
         aircraft.parameters,
         vehicle,
-        Supervision().loss_action,
+        policy,
         ground_station_received=aircraft.telemetry.ground_station is not None,
     )
     if not advice:

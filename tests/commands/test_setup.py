@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 import sys
 import termios
 import threading
@@ -16,6 +17,7 @@ import yaml
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.commands import cli, link_search, outputs
+from moar_companion.commands import setup as module
 from moar_companion.commands.questions import Questions
 from moar_companion.errors import InputError
 from moar_companion.settings.config import Authority, CompanionConfig, shipped_configs
@@ -89,6 +91,52 @@ def test_all_that_setup_does_not_ask_stays_in_an_old_configuration(tmp_path):
     )
     assert config.authority is Authority.ENGAGE
     assert (tmp_path / "companion.yaml").stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.slow
+def test_a_second_setup_keeps_vehicle_site_and_authority_unless_told_otherwise(tmp_path):
+    vehicle = ("--radius", "0.6", "--name", "mine")
+    chosen = ("--site", SITE, "--authority", "observe")
+    assert setup(tmp_path, *OFFLINE, "--yes", *vehicle, *chosen) == 0
+    measured = tmp_path / "vehicle.yaml"
+    measured.write_text(measured.read_text() + "# measured\n")
+    assert setup(tmp_path, *OFFLINE, "--yes") == 0
+    config = config_of(tmp_path)
+    assert (config.site, config.authority) == (SITE.resolve(), Authority.OBSERVE)
+    assert measured.read_text().endswith("# measured\n")
+    # Told otherwise: no site, and a new vehicle file, with the old one beside it.
+    assert setup(tmp_path, *OFFLINE, "--yes", "--site", "none", "--radius", "0.7") == 0
+    assert config_of(tmp_path).site is None
+    assert Vehicle.load(measured).radius_m == 0.7
+    assert (tmp_path / "vehicle.yaml.old").read_text().endswith("# measured\n")
+
+
+@pytest.mark.slow
+def test_a_vehicle_of_another_autopilot_is_not_kept(tmp_path):
+    assert setup(tmp_path, *OFFLINE, "--yes") == 0
+    assert setup(tmp_path, *OFFLINE[:-1], "ardupilot", "--yes") == 0
+    assert Vehicle.load(tmp_path / "vehicle.yaml").autopilot == "ardupilot"
+    assert Vehicle.load(tmp_path / "vehicle.yaml.old").autopilot == "px4"
+
+
+def test_the_example_of_the_package_has_no_answers(tmp_path):
+    shutil.copy(shipped_configs() / "companion.yaml", tmp_path)
+    assert setup(tmp_path, *OFFLINE, "--yes") == 0
+    config = config_of(tmp_path)
+    assert (config.vehicle, config.site) == (tmp_path / "vehicle.yaml", None)
+
+
+def test_a_file_that_the_installed_service_cannot_read_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(module, "INSTALLED_CONFIG", tmp_path / "etc/companion.yaml")
+    monkeypatch.setattr(module, "_UNREADABLE", (str(tmp_path / "home"),))
+    for name in ("etc", "home"):
+        (tmp_path / name).mkdir()
+    site = shutil.copy(SITE, tmp_path / "home")
+    arguments = ["setup", *OFFLINE, "--yes", "--site", str(site)]
+    line = one_line(arguments, 2, capsys)
+    assert "where the service may not read: copy it to" in line
+    assert list((tmp_path / "etc").iterdir()) == []
+    assert setup(tmp_path / "home", *OFFLINE, "--yes", "--site", site) == 0
 
 
 def test_a_person_is_asked_again_after_a_wrong_answer(tmp_path, person, capsys):
