@@ -19,6 +19,7 @@ from moar_companion.companion.mission.values import (
 from moar_companion.companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.companion.safety import supervisor
 from moar_companion.companion.safety.conditions import CONDITIONS
+from moar_companion.settings.config import OnFailure
 from moar_companion.texts.text_format import pilot_text
 from moar_companion.types import Mission
 
@@ -50,6 +51,7 @@ class Story:
         self.now_s = 100.0
         self.resume = resume
         self.ready_timeout_s = ready_timeout_s
+        self.on_failure = OnFailure.HOLD
         self.effects = []
         self.last_id = 0
         self.deaf = False
@@ -100,6 +102,7 @@ class Story:
                 self.world,
                 ready_timeout_s=self.ready_timeout_s,
                 resume=self.resume,
+                on_failure=self.on_failure,
                 now_s=self.now_s,
             )
         )
