@@ -47,13 +47,23 @@ _BLANKS = (
         rf"\1\2: {_BLANKED}\n",
     ),
     (re.compile(rf"""(?im)^([ -]*["']?{_SECRET}["']? *:)[ \t]+\S.*$"""), rf"\1 {_BLANKED}"),
-    # A value in braces, where a comma ends it unless it is quoted.
+    # A value in braces, where a comma ends it unless it is quoted, or a list.
     (
-        re.compile(rf"""(?i)([{{,]\s*["']?{_SECRET}["']?\s*:\s*)("[^"\n]*"|'[^'\n]*'|[^,}}\n]+)"""),
+        re.compile(
+            rf"""(?i)([{{,]\s*["']?{_SECRET}["']?\s*:\s*)"""
+            r"""("(?:\\.|[^"\\\n])*"|'[^'\n]*'|\[[^\]]*\]|[^,}\n]+)"""
+        ),
         rf"\1{_BLANKED}",
     ),
-    # A password in a URL; a key in hexadecimal digits.
-    (re.compile(r"://[^/@\s]+@"), f"://{_BLANKED}@"),
+    # A credential or variable in a unit, with its further lines.
+    (
+        re.compile(r"(?im)^(\s*SetCredential\w*=[^:\n]*:)(?:[^\n]*\\\n)*[^\n]*"),
+        rf"\1{_BLANKED}",
+    ),
+    (re.compile(rf"(?im)^(\s*Environment=.*?{_SECRET}=).*$"), rf"\1{_BLANKED}"),
+    # A password in a URL, and a key in its query; a key in hexadecimal digits.
+    (re.compile(r"""://[^\s"']*@"""), f"://{_BLANKED}@"),
+    (re.compile(rf"""(?i)([?&]{_SECRET}=)[^\s&"',}}]+"""), rf"\1{_BLANKED}"),
     (re.compile(r"\b[0-9a-fA-F]{64}\b"), _BLANKED),
 )
 

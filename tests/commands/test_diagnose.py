@@ -95,6 +95,21 @@ def test_of_a_configuration_that_cannot_be_used_the_text_is_in_it_without_its_pa
         ("  key: |\n    abc\n    def\n  port: 1\n", "  key: (blanked)\n  port: 1\n"),
         ("passphrase:\n  abc\nport: 1\n", "passphrase: (blanked)\nport: 1\n"),
         (f"signed by {'0a' * 32}.", "signed by (blanked)."),
+        ("mqtt://me:hunt/er@2@10.0.0.2 lost", "mqtt://(blanked)@10.0.0.2 lost"),
+        (
+            "https://t/{z}/{x}.png?access_token=ab1&v=2",
+            "https://t/{z}/{x}.png?access_token=(blanked)&v=2",
+        ),
+        ('tile_url: "https://t/{z}.png?key=ab1"', 'tile_url: "https://t/{z}.png?key=(blanked)"'),
+        ("{key: [1, 2], id: 2}", "{key: (blanked), id: 2}"),
+        ('{password: "a\\"b, c", id: 2}', "{password: (blanked), id: 2}"),
+        ("SetCredential=page-token:ab cd\n", "SetCredential=page-token:(blanked)\n"),
+        (
+            "SetCredentialEncrypted=a: \\\n  bcd \\\n  efg\nUser=x\n",
+            "SetCredentialEncrypted=a:(blanked)\nUser=x\n",
+        ),
+        ('Environment=A=1 "MQTT_PASSWORD=a b"\n', 'Environment=A=1 "MQTT_PASSWORD=(blanked)\n'),
+        ("#LoadCredential=page-token:/etc/t\n", "#LoadCredential=page-token:/etc/t\n"),
         # Names of files and credentials are no secrets, nor are words of a comment.
         ("key_file: null  # its key: a file\n", "key_file: null  # its key: a file\n"),
         ("key_file: /etc/k.key\n", "key_file: /etc/k.key\n"),
