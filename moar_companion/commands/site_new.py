@@ -7,6 +7,7 @@ import asyncio
 from functools import partial
 
 from ..errors import InputError, LinkError
+from ..mavlink.telemetry import Gnss
 from ..mavlink.urls import parse_url
 from ..perception.survey.marked_place import MEANS, RTK_FIXED, MarkedPlace, PlaceMarker
 from ..perception.survey.site_document import SiteOptions, site_text
@@ -21,6 +22,8 @@ from .site_output import finished, next_step, out_file, write_text
 _MOST_SPREAD_M = 0.3
 """Spread of a marked place above which it is no survey: it would eat the margin."""
 _LONGEST_S = 60.0
+_OLD_FIX_S = 2.0
+"""Two reports of the fix."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -136,14 +139,19 @@ async def _marked(url: str, *, needs_rtk: bool) -> MarkedPlace:
             def collected() -> bool:
                 position, gnss = reader.telemetry.global_position, reader.telemetry.gnss
                 if position is not None:
-                    fix = None if gnss is None else gnss.fix_type
-                    marker.add(position.point, position.received_s, fix)
+                    fix_type = _fix_type(gnss, position.received_s)
+                    marker.add(position.point, position.received_s, fix_type)
                 status.update(f"averaging the position: {marker.share:.0%}, fix {marker.fix_type}")
                 return marker.done
 
             if not await until(collected, _LONGEST_S):
                 raise LinkError(f"{url}: {_why_not(marker)}")
             return marker.result()
+
+
+def _fix_type(gnss: Gnss | None, now_s: float) -> int | None:
+    """Type of a receiver's fix; None if it was not reported lately."""
+    return None if gnss is None or now_s - gnss.received_s > _OLD_FIX_S else gnss.fix_type
 
 
 def _why_not(marker: PlaceMarker) -> str:

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from moar_companion.commands import cli
+from moar_companion.commands import cli, site_new
+from moar_companion.mavlink.telemetry import Gnss
 from moar_companion.perception.survey.site_document import SiteOptions
 from moar_companion.perception.survey.typical_lines import (
     TYPICAL_LINES,
@@ -96,6 +97,22 @@ def test_a_wrong_or_missing_answer_is_one_line(arguments, words, tmp_path, capsy
 
 def test_the_other_actions_need_their_file(capsys):
     assert "FILE: is missing: the file of from-map" in one_line(["site", "from-map"], 2, capsys)
+
+
+def test_a_fix_that_is_no_longer_reported_is_unknown():
+    assert site_new._fix_type(None, 10.0) is None
+    gnss = Gnss(
+        received_s=10.0,
+        receiver_s=None,
+        fix_type=6,
+        satellites=None,
+        hdop=None,
+        vdop=None,
+        horizontal_accuracy_m=None,
+        vertical_accuracy_m=None,
+    )
+    assert site_new._fix_type(gnss, 11.0) == 6
+    assert site_new._fix_type(gnss, 13.0) is None
 
 
 @pytest.mark.slow
