@@ -87,12 +87,15 @@ tell rolled-back-version version
 tell rolled-back-active systemctl is-active moar-companion
 tell rolled-back-config grep setpoint_rate_hz: "$config"
 
-install -D /dev/null /var/lib/moar-companion/flights/flight.mcap
+for folder in flights recordings; do  # recorder.directory may be any folder here
+    install -D /dev/null "/var/lib/moar-companion/$folder/flight_1/flight.mcap"
+done
+touch /var/lib/moar-companion/mission.json
 tell remove apt-get remove --yes moar-companion
 tell removed-active systemctl is-active moar-companion
 tell removed-config grep setpoint_rate_hz: "$config"
 tell removed-program find /usr/lib/moar-companion -newer /story.sh
 tell purge apt-get purge --yes moar-companion
 tell purged find / -xdev -name '*moar-companion*' -not -path '/var/log/*' -not -path '/var/lib/moar-companion'
-tell kept-flight find /var/lib/moar-companion -name flight.mcap
+tell kept-flights sh -c 'cd /var/lib/moar-companion && find . -type f | sort | xargs'
 systemctl exit 0
