@@ -82,7 +82,7 @@ tell second-state ls -d /var/lib/moar-companion/second
 tell second-stop systemctl stop moar-companion@second
 rm -r /etc/moar-companion/second
 
-tell rollback apt-get install --yes --allow-downgrades "$old"
+tell rollback apt-get install --yes --allow-downgrades -o Dpkg::Options::=--force-confold "$old"
 tell rolled-back-version version
 tell rolled-back-active systemctl is-active moar-companion
 tell rolled-back-config grep setpoint_rate_hz: "$config"
