@@ -32,6 +32,8 @@ _ATTITUDE_MAX_AGE_S = 0.5
 """Age of ATTITUDE above which the turn rate is unknown: it comes at 10 Hz or more."""
 _LEAST_PICTURE_RAD = math.radians(50.0)
 """Angle of a picture whose camera does not tell its lens: the height of most."""
+_LATE_S = 5.0
+"""Time in which a picture may still be confirmed whose view has failed or was left."""
 _MIDDLE = 0.1
 """Part of the picture from its middle to the edge of its middle fifth."""
 _USUAL = 0.5
@@ -69,6 +71,10 @@ class Inspector:
         self._failed: set[str] = set()
         self._shot: Shot | None = None
         """The picture that was asked for and is not confirmed."""
+        self._shot_until_s = math.inf
+        """Time until which its confirmation may come, once it is no longer awaited."""
+        self._video: Shot | None = None
+        """The video that runs."""
         self._zoomed: float | None = None
         self._usual_m = 0.0
         """Usual error of the position."""
@@ -139,6 +145,7 @@ class Inspector:
         if target is None or capture is None or capture.ended:
             return
         camera = self._session.camera
+        self._shot_until_s = now_s + _LATE_S
         camera.forget_picture()
         camera.stop_video()
         self._record_view(target, "interrupted", capture.phase.value, now_s)
@@ -175,12 +182,13 @@ class Inspector:
         for ask in asks:
             match ask:
                 case Ask.PICTURE:
+                    self._shot_until_s = math.inf
                     self._shot = self._shot_of(
                         target, site, pose, aim, axis, aim_error_rad, risk, now_s
                     )
                     camera.take_picture()
                 case Ask.START_VIDEO:
-                    self._shot = self._shot_of(
+                    self._video = self._shot_of(
                         target, site, pose, aim, axis, aim_error_rad, risk, now_s
                     )
                     camera.start_video()
@@ -193,6 +201,7 @@ class Inspector:
             self._record_view(target, "done", "", now_s)
         elif after.phase is Phase.FAILED:
             self._failed.add(target.name)
+            self._shot_until_s = now_s + _LATE_S
             self._record_view(target, "failed", after.reason, now_s)
 
     def _begun(self, target: Target, now_s: float) -> ViewCapture:
@@ -294,6 +303,8 @@ class Inspector:
 
     def _take_images(self, now_s: float) -> None:
         """Records the camera's confirmed pictures; the first is the one that was asked for."""
+        if now_s > self._shot_until_s:
+            self._shot = None
         for image in self._session.camera.take_images():
             shot, self._shot = self._shot, None
             if shot is None:
@@ -326,7 +337,7 @@ class Inspector:
 
     def _record_video(self, target: Target, capture: ViewCapture, now_s: float) -> None:
         self._filmed.add(target.name)
-        shot, self._shot = self._shot, None
+        shot, self._video = self._video, None
         if shot is not None:
             marks = [capture.moved] if capture.moved else []
             video_s = round(now_s - shot.time_s, 2)

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.planner.site import Site
 from moar_companion.settings.config import Inspection, OnFailure, shipped_configs
 
+from ..thorough import thorough
 from .cameras import payload_of, with_views
 from .lockstep import hovering
 from .operator import Manner
 
 pytestmark = pytest.mark.slow
 
+SHUTTER = mavlink.MAVLink_command_long_message(
+    1, 100, mavlink.MAV_CMD_IMAGE_START_CAPTURE, 0, 0, 0, 1, 977, 0, 0, 0
+).pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190))
+"""A ground station asks the camera for a picture."""
 EACH = pytest.mark.parametrize(
-    "manner", [Manner.ARDUPILOT, pytest.param(Manner.PX4, marks=pytest.mark.thorough)]
+    "manner", [Manner.ARDUPILOT, pytest.param(Manner.PX4, marks=thorough)]
 )
 
 
@@ -106,6 +112,18 @@ def test_a_failed_view_is_left_out_where_that_is_set():
     assert not flight.payload.pictures
 
 
+def test_a_picture_that_another_takes_is_none_of_a_view():
+    flight = at_first_view()
+    flight.payload.faults.busy = True
+    flight.run_until_state("holding", 40.0)
+    flight.payload.faults.busy = False
+    flight.run(6.0)
+    flight.payload.receive(SHUTTER)
+    flight.run(1.0)
+    [row] = decided(flight, "picture")
+    assert (row["marks"], row["count"], "stop" in row) == (["not asked for"], 0, False)
+
+
 def test_without_a_gimbal_the_aircrafts_heading_aims():
     flight = at_first_view(payload={"gimbal": False})
     flight.run_until(lambda: bool(counted(flight)), 30.0)
@@ -117,7 +135,12 @@ def test_a_view_may_be_a_video():
     site = shipped(pictures=0, video_s=3.0)
     flight = hovering(site=site, manner=Manner.ARDUPILOT, payload=payload_of(site))
     flight.begin(1)
-    flight.run_until(lambda: bool(decided(flight, "video")), 90.0)
+    flight.run_until_state("at_target", 60.0)
+    flight.run(4.0)
+    flight.payload.receive(SHUTTER)
+    flight.run_until(lambda: bool(decided(flight, "video")), 30.0)
     flight.run(0.5)
+    [picture] = decided(flight, "picture")
+    assert picture["marks"] == ["not asked for"]
     [(start_s, end_s)] = flight.payload.videos_s
     assert end_s - start_s >= 2.9
