@@ -256,6 +256,75 @@ def test_a_silent_service_is_said(live, page, flight):
     live.get_by_text("No data from the service for").wait_for()
 
 
+def test_a_connection_that_brings_nothing_is_said_and_made_anew(browser, page):
+    sockets = []
+    with opened(browser, "about:blank") as tab:
+        tab.clock.install()
+        tab.route_web_socket("**/live", lambda socket: sockets.append(socket))
+        tab.goto(f"http://{page.host}/#live")
+        tab.clock.fast_forward(3000)
+        tab.get_by_text("No data from the service for").wait_for()
+        assert len(sockets) == 1
+        tab.clock.fast_forward(5000)
+        answered(tab)
+        assert len(sockets) == 2
+
+
+def answered(tab):
+    """Waits for an answer to a later request than those of the page so far."""
+    tab.evaluate("() => fetch('api/page').then((response) => response.text())")
+
+
+def test_what_is_live_does_not_wait_for_the_planner(browser, page):
+    with opened(browser, "about:blank") as tab:
+        tab.route("**/api/what-if", lambda _: None)
+        tab.goto(f"http://{page.host}/#live")
+        tab.get_by_text(re.compile("^Live, ")).wait_for()
+
+
+def test_a_chosen_target_stays_when_the_site_changes(live, page, flight, state_in):
+    target = live.get_by_label("Target of the inspection")
+    target.select_option("splice-inner")
+    with live.expect_response("**/api/site"):
+        state = state_in("flying")
+        page.call(lambda: flight.feed.update(state, time.monotonic(), site_revision=2))
+    answered(live)
+    assert target.input_value() == "splice-inner"
+
+
+def test_what_is_unknown_or_old_is_said_and_no_number(live, page, flight, state_in):
+    state = state_in("flying")
+    host = {name: None for name in state["host"]}
+    autopilot = state["autopilot"] | {"age_s": 40.0}
+    # After the period of the sections that come twice a second.
+    status = state | {"host": host, "autopilot": autopilot}
+    page.call(lambda: flight.feed.update(status, time.monotonic() + 1.0, site_revision=1))
+    for text in (
+        "unknown memory, unknown disk free",
+        "nothing for 40 s, ",
+        "armed 40 s ago; no report since",
+    ):
+        live.get_by_text(text).wait_for()
+
+
+@pytest.mark.parametrize(
+    ("address", "requests", "last"),
+    [(f"recordings={FLIGHT}", "**/frames*", "GET"), ("what-if", "**/api/what-if", "POST")],
+)
+def test_a_view_that_was_left_changes_nothing_in_the_next(browser, page, address, requests, last):
+    with opened(browser, "about:blank") as tab:
+        tab.route(requests, lambda _: None)
+        with tab.expect_request(requests):
+            tab.goto(f"http://{page.host}/#{address}")
+        tab.get_by_role("link", name="Live").click()
+        tab.get_by_text(re.compile("^Live, ")).wait_for()
+        with tab.expect_response(lambda each: each.request.method == last):
+            tab.unroute(requests)  # and what was held goes on
+        answered(tab)
+        assert tab.locator("#connection").inner_text().startswith("Live, ")
+        assert tab.url.endswith("#live")
+
+
 # What-if
 
 

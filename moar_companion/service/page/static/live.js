@@ -1,12 +1,14 @@
 // The live view: the state of the service, ten times a second, and orders to it.
-import { h, setText } from "./dom.js";
+import { h, replaceWhen, setText } from "./dom.js";
 import { merged } from "./merge.js";
-import { authorization, confirmed, get, Newest, post } from "./server.js";
+import { authorization, confirmed, get, Newest, post, Refused } from "./server.js";
 import { StatusView } from "./status.js";
 import { clock, duration } from "./words.js";
 
 const RETRY_MS = 1000;
 const SILENT_S = 2;
+/** A connection that brings nothing for this time is made anew: the browser does not see that its network is gone. */
+const LOST_S = 6;
 const ESCAPES_PERIOD_MS = 3000;
 const APART_M = 0.1;
 
@@ -53,17 +55,22 @@ export class LiveView {
     this.makeOrders();
   }
 
-  async open() {
+  open() {
     if (this.closed === false) return;
     this.closed = false;
-    this.whatIf = await get("api/what-if").catch(() => null);
+    this.received = performance.now();
     this.connect();
-    this.timer = setInterval(() => this.askEscapes(), ESCAPES_PERIOD_MS);
+    this.timers = [setInterval(() => this.askEscapes(), ESCAPES_PERIOD_MS), setInterval(() => this.watch(), RETRY_MS)];
+    // The first one loads the planner: what is live does not wait for it.
+    get("api/what-if").then((found) => {
+      this.whatIf = found;
+      this.askEscapes();
+    }, () => {});
   }
 
   close() {
     this.closed = true;
-    clearInterval(this.timer);
+    this.timers?.forEach(clearInterval);
     clearTimeout(this.retry);
     this.socket?.close();
   }
@@ -72,13 +79,29 @@ export class LiveView {
     const url = new URL("live", location.href);
     url.protocol = url.protocol.replace("http", "ws");
     url.hash = "";
-    this.socket = new WebSocket(url);
-    this.socket.addEventListener("message", (event) => this.receive(JSON.parse(event.data)));
-    this.socket.addEventListener("close", () => {
-      if (this.closed) return;
+    const socket = new WebSocket(url);
+    this.socket?.close();
+    this.socket = socket;
+    this.connected = performance.now();
+    socket.addEventListener("message", (event) => {
+      if (this.closed || socket !== this.socket) return;
+      this.received = performance.now();
+      this.receive(JSON.parse(event.data));
+    });
+    socket.addEventListener("close", () => {
+      if (this.closed || socket !== this.socket) return;
       this.connection("No connection to the service", true);
       this.retry = setTimeout(() => this.connect(), RETRY_MS);
     });
+  }
+
+  /** Says that nothing comes; the service sends once a second at least. */
+  watch() {
+    const now = performance.now();
+    const silent = (now - this.received) / 1e3;
+    if (silent < SILENT_S || this.socket.readyState === WebSocket.CLOSED) return;
+    this.connection(`No data from the service for ${duration(Math.round(silent))}`, true);
+    if ((now - Math.max(this.received, this.connected)) / 1e3 > LOST_S) this.connect();
   }
 
   receive(frame) {
@@ -110,7 +133,7 @@ export class LiveView {
   }
 
   async readSite() {
-    const view = await get("api/site").catch(() => null);
+    const view = await get("api/site").catch((error) => (error instanceof Refused ? null : this.site));
     this.site = view;
     this.view.setSite(view, this.page.vehicle);
     this.updateTargets();
@@ -143,7 +166,8 @@ export class LiveView {
 
   updateTargets() {
     const names = this.site?.site.targets.map((target) => target.name) ?? [];
-    this.target.replaceChildren(h("option", { value: "" }, "every target"), ...names.map((name) => h("option", { value: name }, name)));
+    // The site changes in flight, too: what is chosen stays.
+    replaceWhen(this.target, names, () => [h("option", { value: "" }, "every target"), ...names.map((name) => h("option", { value: name }, name))]);
   }
 
   updateOrders() {

@@ -98,6 +98,7 @@ export class PlaybackView {
 
   close() {
     this.stop();
+    this.loading = null;
     clearTimeout(this.settling);
   }
 
@@ -138,25 +139,32 @@ export class PlaybackView {
     this.buildTimeline();
     this.element.replaceChildren(this.view.element);
     const encoded = encodeURIComponent(name);
+    const loading = {};
+    this.loading = loading;
+    // Of another recording, or after this view was left.
+    const isLeft = () => this.loading !== loading;
     try {
-      this.summary = await get(`api/playback/${encoded}`);
-      this.site = await get(`api/playback/${encoded}/site`).catch((error) => {
+      const summary = await get(`api/playback/${encoded}`);
+      const site = await get(`api/playback/${encoded}/site`).catch((error) => {
         if (error instanceof Refused) return null;
         throw error;
       });
-      this.whatIf = await get("api/what-if").catch(() => null);
-      this.view.setSite(this.site, this.page.vehicle);
-      this.slider.max = String(this.summary.duration_s);
-      await this.load(encoded);
+      const whatIf = await get("api/what-if").catch(() => null);
+      if (isLeft()) return;
+      Object.assign(this, { summary, site, whatIf });
+      this.view.setSite(site, this.page.vehicle);
+      this.slider.max = String(summary.duration_s);
+      await this.load(encoded, isLeft);
     } catch (error) {
-      this.connection(error.message, true);
+      if (!isLeft()) this.connection(error.message, true);
     }
   }
 
-  async load(encoded) {
+  async load(encoded, isLeft) {
     const { duration_s: whole } = this.summary;
     for (let from = 0; from <= whole; from += CHUNK_S) {
       const { frames } = await get(`api/playback/${encoded}/frames?from=${from}&to=${from + CHUNK_S}`);
+      if (isLeft()) return;
       for (const frame of frames) if (!this.frames.frames.length || frame.time_s > this.frames.frames.at(-1).time_s) this.frames.add(frame);
       this.connection(`Loading ${this.name}`, false);
       this.drawTimeline();

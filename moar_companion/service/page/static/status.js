@@ -2,7 +2,7 @@
 import { h, replaceWhen, setAttribute, setText } from "./dom.js";
 import { legendLine, legendMap, MAP_LAYERS, PlaneView, segments } from "./plane.js";
 import { WeightTriangle } from "./triangle.js";
-import { actionWords, actsWords, autopilotName, capital, controlWords, duration, goalWords, grade, headline, isKnown, number, percent, plain, reasonWords, riskGrade, UNKNOWN } from "./words.js";
+import { actionWords, actsWords, autopilotName, capital, controlWords, duration, goalWords, grade, headline, isKnown, isSilent, number, percent, plain, reasonWords, riskGrade, UNKNOWN } from "./words.js";
 
 /** Least risk whose cause is shown beside its bar. */
 const LOW = 0.05;
@@ -208,11 +208,11 @@ export class StatusView {
   }
 
   updateRows() {
-    const { link, radio, perception, plan, path, supervision, host } = this.status;
+    const { link, autopilot, radio, perception, plan, path, supervision, host } = this.status;
     const ages = this.status.age_s ?? {};
     const gate = supervision.conditions.find((item) => item.name.startsWith("setpoint_"));
     const rows = [
-      ["Autopilot link", link ? `${number(link.rate_hz, 0, " packets/s")}, ${link.packets_lost} lost` : UNKNOWN],
+      ["Autopilot link", link ? autopilotLink(link, autopilot) : UNKNOWN],
       ["Ground station", isKnown(ages.ground_station) ? `${duration(ages.ground_station)} ago` : "none is received"],
     ];
     if (radio) rows.push([`Radio ${radio.kind}`, `${number(radio.rssi, 0)} here, ${number(radio.remote_rssi, 0)} there`]);
@@ -220,7 +220,7 @@ export class StatusView {
     rows.push(["Setpoint gate", gate ? gate.reason : path ? `passes; aircraft ${number(path.error_m, 2)} m from the setpoint` : "no setpoint is sent"]);
     rows.push(["Plan time", plan ? `${number(plan.search_ms, 1, " ms")}, ${duration(plan.age_s)} ago; ${plan.paths} paths` : UNKNOWN]);
     rows.push(["Lidar", perception ? lidar(perception) : "none is configured"]);
-    if (host) rows.push(["Computer", `${number(host.memory_free_mb / 1e3, 1, " GB")} memory, ${number(host.disk_free_mb / 1e3, 0, " GB")} disk free`]);
+    if (host) rows.push(["Computer", `${gigabytes(host.memory_free_mb, 1)} memory, ${gigabytes(host.disk_free_mb, 0)} disk free`]);
     setRows(this.rows, rows);
   }
 }
@@ -266,6 +266,16 @@ function shifts(weights) {
   const words = moved.map(([risk, change]) => `${risk} ${change > 0 ? "raises" : "lowers"} the weight of safety by ${Math.abs(change).toFixed(2)}`);
   const towards = weights.adjusted.safety >= weights.base.safety ? "a safer path" : "a faster path";
   return `${capital(words.join(", "))}: ${towards}.`;
+}
+
+/** Packets of the autopilot; their rate is that of the last ones, however old these are. */
+function autopilotLink(link, autopilot) {
+  const rate = isSilent(autopilot) ? `nothing for ${duration(autopilot.age_s)}` : number(link.rate_hz, 0, " packets/s");
+  return `${rate}, ${link.packets_lost} lost`;
+}
+
+function gigabytes(megabytes, digits) {
+  return number(isKnown(megabytes) ? megabytes / 1e3 : null, digits, " GB");
 }
 
 function lidar(perception) {
@@ -344,6 +354,7 @@ class EnergyCard {
     setAttribute(this.element, "class", `card ${slack !== null && slack < 30 ? "warning" : slack !== null && slack < 120 ? "caution" : ""}`);
     const whole = Math.max(vehicle?.endurance_s ?? 0, energy?.flight_s ?? 0) || 1;
     const share = (seconds) => `${Math.min(100, (100 * Math.max(0, seconds)) / whole)}%`;
+    this.bar.hidden = !isKnown(energy?.flight_s);
     this.parts[0].style.width = share(energy?.flight_s ?? 0);
     this.parts[1].style.width = share((better?.duration_s ?? 0) + reserve);
     this.parts[2].style.width = share(reserve);

@@ -94,6 +94,7 @@ export class WhatIfView {
   }
 
   async open(address) {
+    this.closed = false;
     this.connection("What-if", false);
     if (!this.defaults) {
       this.defaults = await get("api/what-if");
@@ -105,6 +106,7 @@ export class WhatIfView {
   }
 
   close() {
+    this.closed = true;
     clearTimeout(this.settling);
   }
 
@@ -150,6 +152,7 @@ export class WhatIfView {
   }
 
   receive(found, newest) {
+    if (this.closed) return;
     this.found = found;
     this.front = found.front ?? [];
     setText(this.problem, found.plan.status === "found" ? "" : `No path: ${found.plan.reason}`);
@@ -160,10 +163,11 @@ export class WhatIfView {
     this.updateLegend();
     if (!newest || this.stage + 1 === STAGES.length) return;
     this.settling = setTimeout(() => this.ask(this.stage + 1), SETTLED_MS);
-    if (this.stage === 0) toAddress(this.state).then((address) => this.onAddress(address));
+    if (this.stage === 0) toAddress(this.state).then((address) => this.closed || this.onAddress(address));
   }
 
   fail(error) {
+    if (this.closed) return;
     // Another tab of this computer was answered instead.
     if (error.status === 429) {
       this.settling = setTimeout(() => this.ask(this.stage), SETTLED_MS);

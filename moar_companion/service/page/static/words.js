@@ -1,6 +1,7 @@
 // Numbers and states as words: the contracts' words, for people.
 
 export const UNKNOWN = "unknown";
+const AUTOPILOT_SILENT_S = 3;
 
 export function isKnown(value) {
   return value !== null && value !== undefined;
@@ -75,11 +76,17 @@ export function headline(status) {
   }
 }
 
+/** True if the last report of the autopilot is old: it sends one a second. */
+export function isSilent(autopilot) {
+  return (autopilot?.age_s ?? 0) > AUTOPILOT_SILENT_S;
+}
+
 /** Who moves the aircraft now. */
 export function controlWords(status) {
   const autopilot = status.autopilot;
   if (!autopilot) return "No autopilot is received";
-  const armed = autopilot.armed ? "armed" : "disarmed";
+  const armed = !isKnown(autopilot.armed) ? "arming unknown" : autopilot.armed ? "armed" : "disarmed";
+  if (isSilent(autopilot)) return `${autopilot.mode}, ${armed} ${duration(autopilot.age_s)} ago; no report since`;
   if (!isKnown(autopilot.ours)) return `${autopilot.mode ?? "mode unknown"}, ${armed}`;
   const who = autopilot.ours && status.path ? "the companion steers" : "the companion does not steer";
   return `${autopilot.mode}, ${armed}: ${who}`;
