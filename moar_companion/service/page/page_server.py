@@ -19,6 +19,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import math
 import socket
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -28,9 +29,11 @@ from typing import Any, Protocol
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, Response
 from starlette.routing import Route, WebSocketRoute
+from starlette.types import Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ...errors import InputError
@@ -291,7 +294,7 @@ class _Page:
 
     async def download(self, request: Request) -> Response:
         path = self._recording(request.path_params["name"], request.path_params["file"])
-        return FileResponse(
+        return _FileAsItWas(
             path, filename=f"{path.parent.name}_{path.name}", media_type="application/octet-stream"
         )
 
@@ -363,6 +366,27 @@ class _Page:
             raise _RefusedError(429, "a newer request came") from error
 
 
+class _FileAsItWas(FileResponse):
+    """A file with the bytes of the request's time: one that is being recorded grows meanwhile."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Sends the bytes that the headers have announced."""
+        left_bytes, ended = 0, False
+
+        async def send_announced(message: Message) -> None:
+            nonlocal left_bytes, ended
+            if message["type"] == "http.response.start":
+                left_bytes = int(Headers(raw=message["headers"])["content-length"])
+                await send(message)
+            elif not ended:
+                body = message["body"][:left_bytes]
+                left_bytes -= len(body)
+                ended = not (message.get("more_body") and left_bytes)
+                await send({**message, "body": body, "more_body": not ended})
+
+        await super().__call__(scope, receive, send_announced)
+
+
 async def _send_frames(websocket: WebSocket, feed: LiveFeed) -> None:
     """Sends frames as the viewer takes them; ends for a viewer that takes none."""
     with contextlib.suppress(asyncio.TimeoutError, WebSocketDisconnect):
@@ -401,6 +425,9 @@ def _not_finite(word: str) -> None:
 def _number(request: Request, name: str) -> float:
     """A time of the query, in seconds."""
     try:
-        return min(max(float(request.query_params[name]), 0.0), 1e9)
+        time_s = float(request.query_params[name])
     except (KeyError, ValueError):
-        raise _RefusedError(400, f"{name} must be a time in seconds") from None
+        time_s = math.nan
+    if math.isnan(time_s):
+        raise _RefusedError(400, f"{name} must be a time in seconds")
+    return min(max(time_s, 0.0), 1e9)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import http.client
 import json
 import socket
 import threading
@@ -445,6 +447,33 @@ def test_a_file_is_downloaded_whole_or_in_part(page):
     assert (status, got) == (200, content)
     assert f'filename="{OTHER}_flight.mcap"' in headers["Content-Disposition"]
     assert page.ask("GET", path, Range="bytes=5-7")[::2] == (206, content[5:8])
+
+
+def test_a_file_that_grows_is_downloaded_as_it_was(page, folder):
+    path = folder / FLIGHT / "flight.mcap"
+    content = bytes(20_000_000)
+    path.write_bytes(content)
+    client = http.client.HTTPConnection("127.0.0.1", page.port, timeout=PATIENCE_S)
+    with contextlib.closing(client):
+        client.request("GET", f"/api/recordings/{FLIGHT}/flight.mcap")
+        # More than a connection takes before the client reads: the page waits with the rest.
+        response = client.getresponse()
+        with path.open("ab") as file:
+            file.write(bytes(500_000))
+        assert response.read() == content
+
+
+@pytest.mark.parametrize("range_", ["bytes=9-8", "bytes=1000-", "pages=1", "bytes=0-1,3-4"])
+def test_odd_parts_of_a_file_are_answered(page, range_):
+    path = f"/api/recordings/{OTHER}/flight.mcap"
+    assert page.ask("GET", path, Range=range_)[0] in {200, 206, 400, 416}
+    assert page.ask("HEAD", path)[::2] == (200, b"")
+
+
+@pytest.mark.parametrize("query", ["", "from=0", "from=nan&to=1", "from=0&to=nan", "from=x&to=1"])
+def test_frames_of_no_time_are_refused_in_one_line(page, query):
+    status, _, document = page.ask("GET", f"/api/playback/{OTHER}/frames?{query}")
+    assert (status, list(document)) == (400, ["problem"])
 
 
 def test_a_flight_is_removed_but_neither_the_present_one_nor_a_persons_file(page, service, folder):
