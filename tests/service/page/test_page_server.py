@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from moar_companion.errors import InputError
 from moar_companion.service.page import page_server
 from moar_companion.service.page.live_feed import LiveFeed
-from moar_companion.service.page.page_channel import Answer
+from moar_companion.service.page.page_channel import ServiceAnswer
 from moar_companion.service.page.page_recordings import PageRecordings
 from moar_companion.service.page.page_server import MOST_VIEWERS, PageContent
 from tests.service.page.merging import merged
@@ -38,7 +38,7 @@ class Service:
         self.orders = []
         self.watched = []
         self.feed = LiveFeed(self.watched.append)
-        self.answer = Answer(result="ACCEPTED", final=True, reason="")
+        self.answer = ServiceAnswer(result="ACCEPTED", final=True, reason="")
 
     async def order(self, word, target):
         self.orders.append((word, target))
@@ -181,7 +181,7 @@ def test_a_page_of_another_site_can_neither_act_nor_see(page, service):
 
 def test_an_order_has_the_companions_answer(page, service):
     order = {"order": "inspection", "target": "b"}
-    service.answer = Answer(result="DENIED", final=True, reason="MOAR: no target")
+    service.answer = ServiceAnswer(result="DENIED", final=True, reason="MOAR: no target")
     status, _, answer = page.ask("POST", "/api/order", body=order, token=TOKEN)
     assert (status, service.orders) == (200, [("inspection", 1)])
     assert answer == {"result": "DENIED", "final": True, "reason": "MOAR: no target"}

@@ -16,7 +16,7 @@ from moar_companion.planner.maps import build_maps
 from moar_companion.planner.site import Margin, Site
 from moar_companion.planner.site_view import maps_view, site_view
 from moar_companion.service.page.live_feed import LiveFeed
-from moar_companion.service.page.page_channel import Answer
+from moar_companion.service.page.page_channel import ServiceAnswer
 from moar_companion.service.page.page_recordings import PageRecordings
 from moar_companion.service.page.page_server import PageContent
 from moar_companion.settings.config import shipped_configs
@@ -40,7 +40,7 @@ class Flight:
 
     def __init__(self):
         self.orders = []
-        self.answer = Answer(result="ACCEPTED", final=True, reason="")
+        self.answer = ServiceAnswer(result="ACCEPTED", final=True, reason="")
         self.feed = LiveFeed(lambda _: None)
 
     async def order(self, word, target):
@@ -217,7 +217,7 @@ def test_an_order_is_confirmed_given_with_the_token_and_answered(live, flight):
 
 def test_every_order_has_a_button(live, page, flight, state_in):
     live.evaluate("token => sessionStorage.setItem('moar-token', token)", TOKEN)
-    flight.answer = Answer(result="DENIED", final=True, reason="no path")
+    flight.answer = ServiceAnswer(result="DENIED", final=True, reason="no path")
     flight.show(page, state_in("holding"))
     live.get_by_label("Target of the inspection").select_option("splice-inner")
     for button, order in (
@@ -258,9 +258,13 @@ def test_a_silent_service_is_said(live, page, flight):
 
 def test_a_connection_that_brings_nothing_is_said_and_made_anew(browser, page):
     sockets = []
+
+    def accept(socket):
+        sockets.append(socket)
+
     with opened(browser, "about:blank") as tab:
         tab.clock.install()
-        tab.route_web_socket("**/live", lambda socket: sockets.append(socket))
+        tab.route_web_socket("**/live", accept)
         tab.goto(f"http://{page.host}/#live")
         tab.clock.fast_forward(3000)
         tab.get_by_text("No data from the service for").wait_for()
@@ -294,7 +298,7 @@ def test_a_chosen_target_stays_when_the_site_changes(live, page, flight, state_i
 
 def test_what_is_unknown_or_old_is_said_and_no_number(live, page, flight, state_in):
     state = state_in("flying")
-    host = {name: None for name in state["host"]}
+    host = dict.fromkeys(state["host"])
     autopilot = state["autopilot"] | {"age_s": 40.0}
     # After the period of the sections that come twice a second.
     status = state | {"host": host, "autopilot": autopilot}
