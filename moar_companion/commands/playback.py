@@ -8,6 +8,7 @@ flight. Other recordings are replayed: what they tell is the aircraft, its risks
 from __future__ import annotations
 
 import bisect
+import contextlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -34,6 +35,9 @@ _LONGEST_S = 120.0
 """Of one answer with frames: some megabytes."""
 _LOOK_BACK_S = 1.0
 """Statuses are 0.5 s apart: within this there is the one before a time."""
+
+_OTHER_FORM = (AttributeError, LookupError, TypeError, ValueError)
+"""Errors on a message that another version has recorded: it is left out, the others are played."""
 
 Frames = list[dict[str, Any]]
 
@@ -63,7 +67,7 @@ class McapPlayback:
         self._vehicle: Vehicle | None = None
         for part in parts_of(path):
             self._read(part)
-        if not self._chunks:
+        if not any(CALLS in topics.values() for topics in self._topics.values()):
             raise InputError(str(path), "", f"has no {CALLS}, must be this program's recording")
         self._begin_s = self._chunks[0].first_s
         self._end_s = max(chunk.last_s for chunk in self._chunks)
@@ -134,15 +138,19 @@ class McapPlayback:
         first_s, last_s = (time_ns * 1e-9 for time_ns in times_ns)
         self._chunks.append(_Place(path=part, offset=offset, first_s=first_s, last_s=last_s))
         for topic, time_s, content in _messages(chunk, topics):
-            match topic:
-                case "/decision":
-                    self._take_decision(json.loads(content))
-                case "/aircraft":
-                    self._take_aircraft(time_s, json.loads(content))
-                case "/plan":
-                    self._take_plan(time_s, json.loads(content))
-                case _ if topic == CALLS and (self._site is None or self._vehicle is None):
-                    self._take_calls(json.loads(content)["calls"])
+            with contextlib.suppress(*_OTHER_FORM):
+                self._take(topic, time_s, content)
+
+    def _take(self, topic: str, time_s: float, content: bytes) -> None:
+        match topic:
+            case "/decision":
+                self._take_decision(json.loads(content))
+            case "/aircraft":
+                self._take_aircraft(time_s, json.loads(content))
+            case "/plan":
+                self._take_plan(time_s, json.loads(content))
+            case _ if topic == CALLS and (self._site is None or self._vehicle is None):
+                self._take_calls(json.loads(content)["calls"])
 
     def _take_decision(self, decision: dict[str, Any]) -> None:
         text = _event_text(decision["kind"], decision["data"])

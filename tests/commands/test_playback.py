@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from moar_companion.commands.playback import McapPlayback, ReplayPlayback
 from moar_companion.commands.replay import played
 from moar_companion.errors import InputError
+from moar_companion.service.recording.schemas import CALLS
 from moar_companion.settings.config import shipped_configs
 from moar_companion.settings.vehicle import Vehicle
 from tests.flights.recorded import recorded_flight
@@ -119,6 +121,45 @@ def test_a_file_that_is_no_recording_is_one_line(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"flight\.mcap"):
         McapPlayback(path)
+
+
+def test_an_mcap_of_another_program_is_one_line(tmp_path):
+    path = mcap(tmp_path, ("/imu", b"\x00\x01"), ("/aircraft", b"\x00\x01"))
+    with pytest.raises(InputError, match=r"flight\.mcap: has no /machine/calls, must be this"):
+        McapPlayback(path)
+
+
+def test_messages_of_another_version_are_left_out_and_the_others_are_played(tmp_path):
+    old_calls = json.dumps({"calls": [["start", [], 0.0, None]]}).encode()
+    path = mcap(
+        tmp_path,
+        (CALLS, old_calls),
+        (CALLS, b"[]"),
+        ("/decision", b'{"kind": "state", "time_s": 2.0, "data": {}}'),
+        ("/aircraft", b"null"),
+        ("/decision", b'{"kind": "text", "time_s": 5.0, "data": {"text": "holding"}}'),
+        ("/mission", b'{"state": "idle"}'),
+    )
+    playback = McapPlayback(path)
+    summary = playback.summary()
+    assert summary["duration_s"] == 5.0
+    assert [event["text"] for event in summary["events"]] == ["holding"]
+    assert [frame["time_s"] for frame in playback.frames(0.0, 10.0)] == [5.0]
+    assert (playback.site(), playback.vehicle) == (None, None)
+
+
+def mcap(folder, *messages):
+    """An .mcap with messages, (topic, content), a second apart and each in a chunk of its own."""
+    path = folder / "flight.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1)
+        writer.start()
+        for number, (topic, content) in enumerate(messages):
+            channel = writer.register_channel(topic, "json", 0)
+            time_ns = number * 1_000_000_000
+            writer.add_message(channel, time_ns, content, time_ns)
+        writer.finish()
+    return path
 
 
 @pytest.mark.slow
