@@ -18,6 +18,8 @@ from .site import Conductor, Obstacle, PlanePoint, Site
 
 _OCCUPIED = 255
 _GREATEST = 254
+_FLOOR_POINTS = 201
+"""Of the line of least heights, which is round above a corner of the ground."""
 
 
 def site_view(site: Site) -> dict[str, Any]:
@@ -31,6 +33,7 @@ def site_view(site: Site) -> dict[str, Any]:
             "z_m": [space.lower_m[1], space.upper_m[1]],
             "resolution_m": space.resolution_m,
             "min_altitude_m": space.min_altitude_m,
+            "ground": _ground(site),
         },
         "obstacles": [_obstacle(item) for item in site.obstacles],
         "start": _point(site.start_m),
@@ -48,6 +51,21 @@ def site_view(site: Site) -> dict[str, Any]:
             for mission, points in site.landing_m.items()
         },
         "margin_m": site.margin.total_m,
+    }
+
+
+def _ground(site: Site) -> dict[str, Any] | None:
+    """Profile of the ground, and least heights of paths above it; None: level, at z = 0."""
+    space = site.workspace
+    if not space.ground_m:
+        return None
+    ends_m = (space.lower_m[0], space.upper_m[0])
+    between = [(x_m, z_m) for x_m, z_m in space.ground_m if ends_m[0] < x_m < ends_m[1]]
+    first, last = ((x_m, space.ground_at_m(x_m)) for x_m in ends_m)
+    x_m = np.linspace(*ends_m, _FLOOR_POINTS)
+    return {
+        "profile_m": [list(point) for point in (first, *between, last)],
+        "floor_m": np.column_stack([x_m, space.floor_m(x_m)]).tolist(),
     }
 
 

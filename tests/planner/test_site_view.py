@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,6 +36,18 @@ def test_maps_are_bytes_of_all_cells_from_the_lowest_row(site):
         np.testing.assert_allclose(
             shown[free] * view[name]["scale"], values[free], atol=0.51 * view[name]["scale"]
         )
+
+
+def test_ground_with_a_profile_has_its_points_in_the_workspace_and_the_least_heights_above():
+    profile = ((-5.0, 0.0), (5.0, 4.0), (20.0, 1.0))
+    space = replace(SITE.workspace, min_altitude_m=1.5, ground_m=profile)
+    view = site_view(replace(SITE, workspace=space))
+    ground = json.loads(json.dumps(view, allow_nan=False))["workspace"]["ground"]
+    assert ground["profile_m"] == [[0.0, 2.0], [5.0, 4.0], [10.0, 3.0]]
+    x_m, floor_m = np.array(ground["floor_m"]).T
+    assert (x_m[0], x_m[-1]) == (0.0, 10.0)
+    np.testing.assert_allclose(floor_m, space.floor_m(x_m))
+    assert site_view(SITE)["workspace"]["ground"] is None
 
 
 def test_a_site_has_each_obstacle_target_and_landing_point():

@@ -139,7 +139,8 @@ export class PlaneView {
   fit(width, height) {
     const space = this.site.workspace;
     let [x0, x1] = [space.x_m[0] - PAD_M, space.x_m[1] + PAD_M];
-    let [z0, z1] = [Math.min(space.z_m[0], space.min_altitude_m ?? space.z_m[0]), space.z_m[1] + PAD_M / 2];
+    const floors = (space.ground?.profile_m ?? [[0, space.min_altitude_m ?? space.z_m[0]]]).map(([, z]) => z);
+    let [z0, z1] = [Math.min(space.z_m[0], ...floors), space.z_m[1] + PAD_M / 2];
     const { paths = [], aircraft, flown = [] } = this.layers;
     const main = paths.find((path) => path.kind === "path");
     const handles = this.wide ? this.handles.map((handle) => handle.at) : [];
@@ -160,6 +161,10 @@ export class PlaneView {
     setAttribute(this.svg, "viewBox", `0 0 ${width} ${height}`);
   }
 
+  pixels(places) {
+    return places.map((place) => this.px(place).join()).join(" ");
+  }
+
   drawMap() {
     const shown = this.layer !== "none" && this.maps;
     if (shown && !this.image) this.image = mapImage(this.maps, this.layer);
@@ -173,13 +178,15 @@ export class PlaneView {
 
   drawFrame() {
     replaceWhen(this.groups.frame, [this.view, this.site.workspace], () => {
-      const { x_m: xs, z_m: zs, min_altitude_m: floor } = this.site.workspace;
+      const { x_m: xs, z_m: zs, min_altitude_m: floor, ground } = this.site.workspace;
       const [x, y] = this.px([xs[0], zs[1]]);
       const parts = [s("rect", { class: "space", x, y, width: (xs[1] - xs[0]) * this.scale, height: (zs[1] - zs[0]) * this.scale })];
       if (floor !== null && floor !== undefined) {
-        const [from, to] = [this.px([xs[0], floor]), this.px([xs[1], floor])];
-        parts.push(s("line", { class: "floor", x1: from[0], y1: from[1], x2: to[0], y2: to[1] }));
-        parts.push(s("text", { class: "soft", x: (from[0] + to[0]) / 2, y: to[1] + 16, "text-anchor": "middle" }, `least altitude ${floor} m`));
+        const line = ground?.floor_m ?? [[xs[0], floor], [xs[1], floor]];
+        const [labelX, labelY] = this.px([(xs[0] + xs[1]) / 2, line[Math.floor(line.length / 2)][1]]);
+        if (ground) parts.push(s("polyline", { class: "ground", points: this.pixels(ground.profile_m) }));
+        parts.push(s("polyline", { class: "floor", points: this.pixels(line) }));
+        parts.push(s("text", { class: "soft", x: labelX, y: labelY + 16, "text-anchor": "middle" }, `least altitude ${floor} m${ground ? " above ground" : ""}`));
       }
       const step = [1, 2, 5, 10, 20, 50, 100].find((each) => each * this.scale > 55) ?? 200;
       const bottom = this.size[1] - 8;
@@ -197,7 +204,7 @@ export class PlaneView {
     replaceWhen(this.groups.obstacles, [this.view, this.site.obstacles, this.layers.seen], () => [
       ...this.site.obstacles.flatMap((obstacle) => {
         if (obstacle.kind !== "conductor") {
-          const points = obstacle.vertices_m.map((vertex) => this.px(vertex).join()).join(" ");
+          const points = this.pixels(obstacle.vertices_m);
           const [x, y] = this.px(obstacle.vertices_m.reduce((a, b) => (b[1] > a[1] ? b : a)));
           return [s("polygon", { class: "obstacle", points }), s("text", { class: "soft", x, y: y - 6, "text-anchor": "middle" }, obstacle.name)];
         }
