@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter
 
@@ -70,6 +70,28 @@ class SupervisionSection:
 
     action: str
     conditions: tuple[ConditionEntry, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateAction:
+    """Last setpoint that the setpoint gate refused. reason: as text.
+
+    action: held: the setpoint before was sent at rest instead; ended: the stream ended. value,
+    limit: in `unit`, of the reason; null where it has none.
+    """
+
+    action: Literal["held", "ended"]
+    reason: str
+    value: float | None
+    limit: float | None
+    unit: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateSection(GateAction):
+    """Last setpoint that the setpoint gate refused, age_s ago."""
+
+    age_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -421,14 +443,16 @@ class HostSection:
 class Status:
     """Status of the companion at one instant. time_s: wall clock, seconds since 1970.
 
-    failsafes: null until the autopilot's parameters are known. batteries: by id. refused: packets
-    refused by signed link and reason. age_s: by source of telemetry. parameters: values that were
-    set above the files, by name. recorder: folder of the record.
+    gate: null until it has refused a setpoint. failsafes: null until the autopilot's parameters are
+    known. batteries: by id. refused: packets refused by signed link and reason. age_s: by source of
+    telemetry. parameters: values that were set above the files, by name. recorder: folder of the
+    record.
     """
 
     time_s: float
     autopilot: AutopilotSection | None
     supervision: SupervisionSection
+    gate: GateSection | None
     failsafes: FailsafesSection | None
     mission: MissionSection
     aircraft: AircraftSection

@@ -186,11 +186,12 @@ def _aircraft(status: Status) -> Iterator[Row]:
             _place(aircraft["position_ned_m"], names=("", "", "")),
         ),
     )
+    refused = _refused_setpoint(status.get("gate"))
     if path is None:
-        yield "setpoint", Text("none is sent", style="dim")
+        yield "setpoint", Text("none is sent", style="dim").append_text(refused)
         yield "path", Text("none", style="dim")
         return
-    yield "setpoint", Text(_place(path["setpoint"]["position_m"]))
+    yield "setpoint", Text(_place(path["setpoint"]["position_m"])).append_text(refused)
     yield (
         "path",
         Text.assemble(
@@ -200,6 +201,14 @@ def _aircraft(status: Status) -> Iterator[Row]:
             f"{path['left_m']:.1f} m, {_duration(path['left_s'])}",
         ),
     )
+
+
+def _refused_setpoint(gate: Status | None) -> Text:
+    """The last action of the setpoint gate; empty before the first."""
+    if gate is None:
+        return Text()
+    words = f"{gate['action']} {_duration(gate['age_s'])} ago: {printable(gate['reason'])}"
+    return Text.assemble(("   gate ", "dim"), words)
 
 
 def _risk(status: Status, *, most_inputs: int, bar_width: int) -> RenderableType:

@@ -73,11 +73,11 @@ class Faults:
     def note_refusal(self, refused: SetpointRefusal) -> None:
         """Notes a setpoint that was not sent."""
         if refused.rest is None:
-            self.causes = replace(self.causes, setpoint_rejected=refused.reason)
+            self.causes = replace(self.causes, setpoint_rejected=refused.why.reason)
         elif refused.narrow:
-            self.causes = replace(self.causes, no_clearance=refused.reason)
+            self.causes = replace(self.causes, no_clearance=refused.why.reason)
         else:
-            self.causes = replace(self.causes, setpoint_held=refused.reason)
+            self.causes = replace(self.causes, setpoint_held=refused.why.reason)
 
     def note_settings_refused(self, parameter: str) -> None:
         """Notes that a parameter was set back, since the flight has no room with it."""

@@ -16,21 +16,22 @@ from .estimation.plane_to_local import PlaneToLocal
 from .estimation.pose import Jump, Setpoint
 from .estimation.pose_tracker import FOLLOWS_MPS
 from .guidance.path_follower import PathFollower
-from .safety.setpoint_gate import motion_refusal
+from .safety.setpoint_gate import Refusal, motion_refusal
 
 _ROUNDING_M = 1e-6
 
 
 class SetpointRefusal(NamedTuple):
-    """Reason why a setpoint was not sent.
+    """A setpoint that was not sent, why, and when.
 
     narrow: only the margin, or the position's uncertainty, forbids it. rest: the setpoint sent
     instead, the last one at rest; None if that is forbidden too, and the stream has to end.
     """
 
-    reason: str
+    why: Refusal
     narrow: bool
     rest: Setpoint | None
+    time_s: float
 
 
 class _Speeds(NamedTuple):
@@ -69,6 +70,7 @@ class SetpointStreamer:
         """Jump of the estimate since a setpoint last moved."""
         self._unsent_last: tuple[Setpoint, float] | None = None
         """Last setpoint at rest of a cycle whose output was not sent, and the cycle's time."""
+        self.last_refusal: SetpointRefusal | None = None
 
     def take_settings(self, vehicle: Vehicle, limits: Supervision, margin: Margin) -> None:
         """Takes the settings in force; the present setpoint may be faster, and slows down."""
@@ -90,24 +92,23 @@ class SetpointStreamer:
         # Inside the margin a setpoint is only narrow: a small jump of the estimate may cause it.
         margin_m = flight.path.volume.site.margin.total_m
         misplaced = self._place_refusal(setpoint, flight, -margin_m)
-        reason = misplaced or self._motion_refusal(setpoint, flight, plane, now_s)
-        narrow = not reason and bool(self._place_refusal(setpoint, flight, self.widened_m))
+        why = misplaced or self._motion_refusal(setpoint, flight, plane, now_s)
+        narrow = not why and bool(self._place_refusal(setpoint, flight, self.widened_m))
         if misplaced is not None and flight.seen_late:
-            narrow, reason = True, "no room here, an obstacle is seen"
+            narrow, why = True, Refusal("no room here, an obstacle is seen")
         elif narrow:
-            known_m = self._margin.position_m + self.widened_m
-            reason = (
-                f"no room here, uncertainty {distance(known_m)} m"
-                if self.widened_m
-                else f"no room here, margin {distance(margin_m)} m"
-            )
-        if reason is None:
+            cause, needed_m = "margin", margin_m
+            if self.widened_m:
+                cause, needed_m = "uncertainty", self._margin.position_m + self.widened_m
+            why = Refusal(f"no room here, {cause} {distance(needed_m)} m", needed_m, unit="m")
+        if why is None:
             self._pass(setpoint, plane.position_to_ned(setpoint.position_m), plane, now_s)
             return None
         rest = self.rest(flight, plane, now_s)
         if rest is None and self._rest is not None:
             self._pass(self._rest, self._last_ned_m, plane, now_s)
-        return SetpointRefusal(reason=reason, narrow=narrow, rest=rest)
+        self.last_refusal = SetpointRefusal(why=why, narrow=narrow, rest=rest, time_s=now_s)
+        return self.last_refusal
 
     def rest(self, flight: PathFollower, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
         """Sends the last setpoint's position, at rest; None if that must not be sent."""
@@ -161,7 +162,7 @@ class SetpointStreamer:
 
     def _place_refusal(
         self, setpoint: Setpoint, flight: PathFollower, widened_m: float
-    ) -> str | None:
+    ) -> Refusal | None:
         """Reason why a setpoint's position is forbidden; widened_m: inflation of obstacles.
 
         At rest, a position is allowed if only a jump, no greater than the margin, has put it there.
@@ -169,23 +170,23 @@ class SetpointStreamer:
         The aircraft is at that position.
         """
         tolerance_m = self._limits.plane_tolerance_m
-        reason = flight.refusal(setpoint, tolerance_m, widened_m, self._sudden_m)
+        refused = flight.refusal(setpoint, tolerance_m, widened_m, self._sudden_m)
         jumped = 0.0 < math.hypot(*self._jumped_m) <= self._margin.total_m
         at_rest = not any(setpoint.velocity_mps)
         near = abs(setpoint.position_m[1]) <= tolerance_m
         if (
-            reason is not None
+            refused is not None
             and jumped
             and at_rest
             and near
             and flight.path.volume.keeps_clear(setpoint.position_m)
         ):
             return None
-        return reason
+        return refused
 
     def _motion_refusal(
         self, setpoint: Setpoint, flight: PathFollower, plane: PlaneToLocal, now_s: float
-    ) -> str | None:
+    ) -> Refusal | None:
         """Reason why a setpoint must not follow the last one, or begin the stream.
 
         The vehicle's limits apply in the world and in the autopilot's frame, also when the map
@@ -193,7 +194,9 @@ class SetpointStreamer:
         """
         last, drifting_at_m = self._last, flight.drifting_at_m
 
-        def refused(before_m: Vector, after_m: Vector, drifting_at_m: Vector | None) -> str | None:
+        def refusal(
+            before_m: Vector, after_m: Vector, drifting_at_m: Vector | None
+        ) -> Refusal | None:
             return motion_refusal(
                 None if last is None else (before_m, last.velocity_mps),
                 (after_m, setpoint.velocity_mps),
@@ -205,16 +208,16 @@ class SetpointStreamer:
             )
 
         before_m = setpoint.position_m if last is None else last.position_m
-        reason = refused(before_m, setpoint.position_m, drifting_at_m)
+        refused = refusal(before_m, setpoint.position_m, drifting_at_m)
         after_ned_m = plane.position_to_ned(setpoint.position_m)
-        if reason is not None or drifting_at_m is not None:
-            return reason
+        if refused is not None or drifting_at_m is not None:
+            return refused
         before_ned_m = plane.position_to_ned(before_m)
         followed_m = FOLLOWS_MPS * (now_s - self._last_s) + _ROUNDING_M
         if math.dist(before_ned_m, self._last_ned_m) > followed_m:
             before_ned_m = self._last_ned_m
-        reason = refused(before_ned_m, after_ned_m, None)
-        return None if reason is None else f"NED {reason}"
+        refused = refusal(before_ned_m, after_ned_m, None)
+        return None if refused is None else refused._replace(reason=f"NED {refused.reason}")
 
     def _pass(
         self, setpoint: Setpoint, place_ned_m: Vector, plane: PlaneToLocal, now_s: float

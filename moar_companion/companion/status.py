@@ -22,6 +22,7 @@ from ..status_values import (
     CostEntry,
     FailsafeEntry,
     FailsafesSection,
+    GateSection,
     HostSection,
     LineEntry,
     LinkSection,
@@ -43,6 +44,7 @@ from .mission_states import STREAMING
 from .reports import Decision
 from .safety.check_inputs import Host
 from .safety.supervisor import Ruling
+from .setpoint_streamer import SetpointRefusal
 
 _NO_SOURCES = {
     "failsafes_reported",
@@ -108,6 +110,7 @@ class LatestDecisions:
             time_s=now_s + clock_offset_s,
             autopilot=_autopilot(telemetry, now_s),
             supervision=_supervision(state.ruling),
+            gate=_gate(state.setpoints.last_refusal, now_s),
             failsafes=_failsafes(state),
             mission=self._mission(state.status, now_s),
             aircraft=_aircraft(state),
@@ -210,6 +213,19 @@ def _supervision(ruling: Ruling) -> SupervisionSection:
             )
             for item in ruling.conditions
         ),
+    )
+
+
+def _gate(refused: SetpointRefusal | None, now_s: float) -> GateSection | None:
+    if refused is None:
+        return None
+    return GateSection(
+        action="ended" if refused.rest is None else "held",
+        reason=refused.why.reason,
+        value=refused.why.value,
+        limit=refused.why.limit,
+        unit=refused.why.unit,
+        age_s=now_s - refused.time_s,
     )
 
 

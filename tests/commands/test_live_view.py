@@ -109,6 +109,14 @@ UNKNOWN = {
     "recorder": None,
 }
 SEEING = FLYING | {
+    "gate": {
+        "action": "held",
+        "reason": "setpoint jumps by 0.3 m",
+        "value": 0.3,
+        "limit": 0.05,
+        "unit": "m",
+        "age_s": 12.3,
+    },
     "refused": {"serial": {"unsigned": 3}},
     "parameters": {"RISK_H_ACCUR_R0": 1.25, "GUID_LAND_HEIGHT": 2.5, "WGT_EVAC_SAFETY": 0.875},
     "perception": {
@@ -379,6 +387,12 @@ def test_a_row_of_the_page_shows_the_sensor_if_there_is_one():
     assert "packets with a wrong checksum" in refusal
     blind = page(FLYING | {"perception": seen | {"scan_age_s": None}})
     assert "no scan yet" in blind
+
+
+def test_the_last_refused_setpoint_stands_beside_the_present_one():
+    assert "   gate held 12 s ago: setpoint jumps by 0.3 m" in page(SEEING, 250, 70)
+    assert "   gate held 12 s ago" in page(SEEING | {"path": None}, 250, 70)
+    assert "gate" not in page(FLYING, 250, 70)
 
 
 def test_what_was_set_in_flight_stands_on_the_page():

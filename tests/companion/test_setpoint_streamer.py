@@ -13,6 +13,7 @@ from moar_companion.companion import cycle_stages
 from moar_companion.companion.estimation.plane_to_local import PlaneToLocal
 from moar_companion.companion.estimation.pose import Jump, Setpoint
 from moar_companion.companion.guidance.path_follower import PathFollower
+from moar_companion.companion.safety.setpoint_gate import Refusal
 from moar_companion.companion.setpoint_streamer import SetpointStreamer
 from moar_companion.planner.site import Margin
 from moar_companion.settings.config import Supervision
@@ -89,9 +90,9 @@ def test_a_stopped_flight_searches_its_escape_route_from_its_place(monkeypatch):
 
 
 class Anywhere:
-    """A flight that permits every setpoint, or refuses every one with `reason`."""
+    """A flight that permits every setpoint, or refuses every one as `refused` tells."""
 
-    drifting_at_m, reason, seen_late = None, None, False
+    drifting_at_m, refused, seen_late = None, None, False
     path = SimpleNamespace(
         volume=SimpleNamespace(
             site=SimpleNamespace(margin=Margin(position_m=0.9)),
@@ -100,7 +101,7 @@ class Anywhere:
     )
 
     def refusal(self, *_):
-        return self.reason
+        return self.refused
 
 
 class Sent:
@@ -129,9 +130,10 @@ def test_where_even_the_rest_is_refused_the_stream_ends_at_rest_at_the_last_plac
     stream, session, flight, plane = streamed()
     moving = Setpoint(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.5, 0.0, 0.0), yaw_rad=0.0)
     assert stream.send(moving, flight, plane, 1.0) is None
-    flight.reason = "sp outside GF_MAX_HOR_DIST 100 m"
+    flight.refused = Refusal("sp outside GF_MAX_HOR_DIST 100 m")
     refused = stream.send(replace(moving, position_m=(5.01, 0.0, 5.0)), flight, plane, 1.02)
     assert refused.rest is None
+    assert stream.last_refusal is refused
     first, last = session.places_ned_m
     assert last == first
     assert math.hypot(*session.velocities_mps[-1]) == 0.0
@@ -147,7 +149,7 @@ def test_the_exception_for_a_setpoint_at_rest_after_a_jump_ends_with_the_stream(
     stream.shift(jump, plane)
     if ends:
         stream.end()
-    flight.reason = "setpoint outside the workspace"
+    flight.refused = Refusal("setpoint outside the workspace")
     refused = stream.send(replace(rest, position_m=(5.0, 0.0, 5.6)), flight, plane, 1.02)
     assert (refused is not None) is ends
     assert len(session.places_ned_m) == sent

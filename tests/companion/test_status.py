@@ -2,10 +2,12 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
 from moar_companion.companion.companion import Companion
+from moar_companion.companion.guidance.path_follower import PathFollower
 from moar_companion.companion.reports import Decision
 from moar_companion.companion.status import LatestDecisions
 from moar_companion.mavlink.session import Severity
@@ -40,7 +42,7 @@ def test_before_anything_is_received_all_values_are_null_and_the_risks_unknown()
     ) | {"state": "idle"}
     assert set(status["aircraft"].values()) == {None}
     assert set(status["age_s"].values()) == {None}
-    assert status["recorder"] is status["refused"] is None
+    assert status["recorder"] is status["refused"] is status["gate"] is None
     assert [index["known"] for index in status["risk"].values()] == [False] * 4
     assert status["time_s"] == 1050.0
 
@@ -130,6 +132,31 @@ def test_without_a_site_there_is_no_place_and_no_clearance():
     aircraft = status_of(Desk(with_site=False).run(2.0))["aircraft"]
     assert aircraft["position_m"] is aircraft["clearance_m"] is None
     assert aircraft["position_ned_m"] is not None
+
+
+def test_the_status_keeps_the_last_setpoint_that_the_gate_refused(monkeypatch):
+    desk = Desk().come_to("flying", then_s=2.0)
+    assert status_of(desk)["gate"] is None
+    of_now = PathFollower.setpoint
+
+    def jumped(*arguments):
+        setpoint = of_now(*arguments)
+        x_m, y_m, z_m = setpoint.position_m
+        return replace(setpoint, position_m=(x_m, y_m + 0.3, z_m))
+
+    with monkeypatch.context() as once:
+        once.setattr(PathFollower, "setpoint", jumped)
+        desk.step()
+    desk.run(2.0)
+    gate = status_of(desk)["gate"]
+    assert (gate["action"], gate["reason"], gate["unit"]) == (
+        "held",
+        "setpoint jumps by 0.3 m",
+        "m",
+    )
+    assert gate["value"] == pytest.approx(0.3, abs=0.02)
+    assert gate["limit"] < gate["value"]
+    assert gate["age_s"] == pytest.approx(2.0, abs=0.05)
 
 
 def test_a_pilot_who_takes_over_ends_the_path():

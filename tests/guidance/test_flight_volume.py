@@ -110,7 +110,7 @@ def test_a_moving_setpoint_past_the_fence_is_refused_and_one_at_rest_is_not():
         return space.refusal(setpoint, (), plane_tolerance_m=1.0, widened_m=0.0, **changes)
 
     assert refusal(6.5, 0.5) is None
-    assert refusal(8.5, 0.5) == "sp outside GF_MAX_HOR_DIST 7 m"
+    assert refusal(8.5, 0.5).reason == "sp outside GF_MAX_HOR_DIST 7 m"
     assert refusal(8.5, 0.0) is None
     assert refusal(8.5, 0.5, brakes=True) is None
 
@@ -122,9 +122,9 @@ def test_a_recovery_leg_may_begin_past_the_fence():
     limits = {"plane_tolerance_m": 1.0, "widened_m": 0.0}
     assert space.refusal(setpoint, (leg,), **limits) is None
     aside = replace(setpoint, position_m=(9.5, 0.0, 8.5))
-    assert space.refusal(aside, (leg,), **limits) == "sp outside GF_MAX_HOR_DIST 7 m"
+    assert space.refusal(aside, (leg,), **limits).reason == "sp outside GF_MAX_HOR_DIST 7 m"
     no_entry = replace(leg, is_entry=False)
-    assert space.refusal(setpoint, (no_entry,), **limits) == "sp outside GF_MAX_HOR_DIST 7 m"
+    assert space.refusal(setpoint, (no_entry,), **limits).reason == "sp outside GF_MAX_HOR_DIST 7 m"
 
 
 @pytest.mark.parametrize("place_m", [(6.2, -4.0, 4.5), (5.5, 3.0, 3.8)])

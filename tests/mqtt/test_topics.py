@@ -126,6 +126,19 @@ def test_events_are_published_at_once_and_only_when_their_content_changes():
     assert (reported["mission"].qos, reported["mission"].retain) == (1, True)
 
 
+def test_what_the_gate_refused_last_is_an_event_that_no_age_repeats():
+    publication, status = Publication("a1"), status_of(flying())
+    assert strict(published(status, publication)["conditions"].payload)["gate"] is None
+    gate = {"action": "held", "reason": "setpoint jumps by 0.3 m"}
+    gate |= {"value": 0.3, "limit": 0.05, "unit": "m", "age_s": 2.0}
+    reported = published({**status, "gate": gate}, publication, 0.1)
+    event = strict(reported["conditions"].payload)["gate"]
+    assert event.pop("since_s") == pytest.approx(status["time_s"] - 2.0, abs=0.06)
+    assert event == {name: value for name, value in gate.items() if name != "age_s"}
+    later = {**status, "time_s": status["time_s"] + 1.0, "gate": {**gate, "age_s": 3.0}}
+    assert "conditions" not in published(later, publication, 0.2)
+
+
 def test_after_a_new_connection_every_topic_is_published_again():
     publication, status = Publication("a1"), status_of(flying())
     published(status, publication)

@@ -163,7 +163,7 @@ def test_a_setpoint_is_refused_where_it_is_low_above_its_own_ground():
         return volume.refusal(setpoint, (), plane_tolerance_m=1.0, widened_m=0.0, **options)
 
     assert refusal(10.25, 8.25) is None
-    assert refusal(10.25, 6.75) == "setpoint near an obstacle, or low"
+    assert refusal(10.25, 6.75).reason == "setpoint near an obstacle, or low"
     assert refusal(2.25, 2.25) is None
     # Wind may carry a low aircraft, never into the ground.
     assert refusal(10.25, 6.75, carried_from_z_m=2.0) is None

@@ -83,7 +83,7 @@ def test_every_message_fits_the_schema_of_its_channel(messages):
 
 
 def test_a_plain_flight_has_a_message_on_every_channel_but_those_of_what_it_lacks(messages):
-    lacks = {"/radio", "/refused", "/perception", "/inspection"}
+    lacks = {"/gate", "/radio", "/refused", "/perception", "/inspection"}
     assert CHANNELS.keys() - messages.keys() == lacks
 
 

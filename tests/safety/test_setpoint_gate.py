@@ -39,7 +39,7 @@ def reason(
     widened_m=0.0,
     margin_m=0.0,
 ):
-    return refusal(
+    refused = refusal(
         position,
         velocity,
         yaw_rad,
@@ -54,6 +54,7 @@ def reason(
         corridor_width_m=0.3,
         plane_tolerance_m=2.0,
     )
+    return None if refused is None else refused.reason
 
 
 def test_a_setpoint_in_a_free_cell_is_sent():
@@ -123,7 +124,8 @@ REST = ((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
 
 
 def motion(position=(0.0, 0.0, 5.0), velocity=(0.0, 0.0, 0.0), before=REST, elapsed_s=0.02):
-    return motion_refusal(before, (position, velocity), elapsed_s, **LIMITS)
+    refused = motion_refusal(before, (position, velocity), elapsed_s, **LIMITS)
+    return None if refused is None else refused.reason
 
 
 @pytest.mark.parametrize(("speed_mps", "allowed"), [(2.5, True), (2.54, True), (2.6, False)])
@@ -224,8 +226,21 @@ def test_a_setpoint_may_jump_only_at_rest_and_towards_a_displaced_aircraft():
         return motion_refusal(REST, after, 0.02, **LIMITS, drifting_at_m=(9.0, 0.0, 5.0))
 
     assert moved((6.0, 0.0, 5.0)) is None
-    assert moved((6.0, 0.0, 5.0), (0.5, 0.0, 0.0)).startswith("setpoint jumps")
-    assert "leaves" in moved((-1.0, 0.0, 5.0))
+    assert moved((6.0, 0.0, 5.0), (0.5, 0.0, 0.0)).reason.startswith("setpoint jumps")
+    assert "leaves" in moved((-1.0, 0.0, 5.0)).reason
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "measured"),
+    [
+        ((0.0, 0.0, 5.0), (3.0, 0.0, 0.0), (3.0, 2.5, "m/s")),
+        ((0.0, 0.0, 5.3), (0.0, 0.0, 0.0), (0.3, 0.02 * 2.55, "m")),
+        ((0.0, 0.0, 5.0), (0.0, 0.0, 1.9), (1.9, 0.02 * 4.0 + 0.55, "m/s")),
+    ],
+)
+def test_a_refused_motion_has_its_value_and_limit(position, velocity, measured):
+    *numbers, unit = motion_refusal(REST, (position, velocity), 0.02, **LIMITS)[1:]
+    assert (numbers, unit) == (pytest.approx(measured[:2]), measured[2])
 
 
 @given(
@@ -243,17 +258,11 @@ def test_distances_of_many_points_equal_single_distances(points, corridor):
 
 
 def test_every_reason_of_the_gate_is_in_the_table_of_texts():
-    """The first words of each returned text; fields and units follow."""
-    returns = [
-        node.value
-        for node in ast.walk(ast.parse(inspect.getsource(setpoint_gate)))
-        if isinstance(node, ast.Return) and node.value is not None
-    ]
+    """The first words of each text; fields and units follow."""
     words = {
         item.value
-        for value in returns
-        for item in ast.walk(value)
-        if isinstance(item, ast.Constant) and str(item.value).startswith(("setpoint", "NED"))
+        for item in ast.walk(ast.parse(inspect.getsource(setpoint_gate)))
+        if isinstance(item, ast.Constant) and str(item.value).startswith("setpoint")
     }
     assert len(words) == 9
     (texts,) = (row.texts for row in CONDITIONS if row.name == "setpoint_held")

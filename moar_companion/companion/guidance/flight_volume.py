@@ -28,7 +28,7 @@ from ...settings.vehicle import Vehicle
 from ...texts.text_format import coordinate, distance, limit_text
 from ...types import Vector
 from ..estimation.pose import Pose, Setpoint
-from ..safety.setpoint_gate import Corridor, distance_m, refusal
+from ..safety.setpoint_gate import Corridor, Refusal, distance_m, refusal
 from .plan_path import CheckedLeg, approach_m, vector
 from .trajectory import FloatArray, PathPoints, Trajectory, make_trajectory
 
@@ -354,7 +354,7 @@ class FlightVolume:
         carried_from_z_m: float | None = None,
         brakes: bool = False,
         sudden_m: float = 0.0,
-    ) -> str | None:
+    ) -> Refusal | None:
         """Reason to refuse a setpoint; None when the setpoint is permitted.
 
         widened_m: obstacle inflation for a moving setpoint, less the margin that the plan omits.
@@ -377,7 +377,7 @@ class FlightVolume:
                     for leg in legs
                 )
             ):
-                return f"sp outside {crossed}"
+                return Refusal(f"sp outside {crossed}")
         x_m, _, z_m = setpoint.position_m
         finite = math.isfinite(x_m) and math.isfinite(z_m)
         if (

@@ -26,6 +26,7 @@ from ...texts.text_format import distance
 from ...types import Mission, Vector
 from ..estimation.plane_to_local import PlaneToLocal
 from ..estimation.pose import Jump, Pose, Setpoint
+from ..safety.setpoint_gate import Refusal
 from .flight_volume import FlightVolume
 from .flown_path import FlownPath
 from .plan_path import vector
@@ -437,7 +438,7 @@ class PathFollower:
         plane_tolerance_m: float,
         widened_m: float,
         sudden_m: float = 0.0,
-    ) -> str | None:
+    ) -> Refusal | None:
         """Reason to refuse a setpoint; None when the setpoint is permitted.
 
         sudden_m: depth in a keep-out at which a setpoint may rest before an obstacle that was seen

@@ -8,7 +8,7 @@ predecessor it moves no faster, and changes its speed no harder, than the vehicl
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,15 @@ _SMALL_CORNER = 0.15
 """Arcs are made of straights: fraction of the speed that turns from one to the next."""
 
 
+class Refusal(NamedTuple):
+    """Reason why a setpoint must not be sent. value, limit: in `unit`; None where it has none."""
+
+    reason: str
+    value: float | None = None
+    limit: float | None = None
+    unit: str | None = None
+
+
 def refusal(
     position_m: Vector,
     velocity_mps: Vector,
@@ -47,7 +56,7 @@ def refusal(
     legs_from_beside_m: tuple[Corridor, ...] = (),
     corridor_width_m: float,
     plane_tolerance_m: float,
-) -> str | None:
+) -> Refusal | None:
     """Reason why a setpoint must not be sent, by its position; None if it may be sent.
 
     position_m, velocity_mps: (x, y, z) in the site's frame. yaw_rad: the heading. cell: of the
@@ -59,11 +68,13 @@ def refusal(
     that are not free, or too near. legs_from_beside_m: those of them that begin beside the plane.
     """
     if not all(math.isfinite(value) for value in (*position_m, *velocity_mps, yaw_rad)):
-        return "setpoint not finite"
-    if abs(position_m[1]) > plane_tolerance_m and not any(
+        return Refusal("setpoint not finite")
+    aside_m = abs(position_m[1])
+    if aside_m > plane_tolerance_m and not any(
         distance_m(position_m, leg) <= corridor_width_m for leg in legs_from_beside_m
     ):
-        return f"setpoint {distance(abs(position_m[1]))} m from the plane"
+        reason = f"setpoint {distance(aside_m)} m from the plane"
+        return Refusal(reason, aside_m, plane_tolerance_m, "m")
     low = min_altitude_m is not None and position_m[2] < min_altitude_m - _TOLERANCE_M
     moves = any(velocity_mps)
     free = cell is not None and not low and (not occupied[cell] or widened_m <= room_m[cell] < 0.0)
@@ -74,10 +85,11 @@ def refusal(
     if any(distance_m(position_m, leg) <= corridor_width_m for leg in corridors_m):
         return None
     if free:
-        return f"setpoint too close to an obstacle (widened by {widened_m:.1f} m)"
+        reason = f"setpoint too close to an obstacle (widened by {widened_m:.1f} m)"
+        return Refusal(reason, float(room_m[cell]), widened_m, "m")
     if cell is None:
-        return "setpoint outside the workspace"
-    return "setpoint near an obstacle, or low"
+        return Refusal("setpoint outside the workspace")
+    return Refusal("setpoint near an obstacle, or low")
 
 
 def motion_refusal(
@@ -89,7 +101,7 @@ def motion_refusal(
     least_mps: float,
     acceleration_mps2: float,
     drifting_at_m: Vector | None = None,
-) -> str | None:
+) -> Refusal | None:
     """Reason why a setpoint must not be sent, by its motion; None if it may be sent.
 
     before, after: position and velocity of the setpoint that was sent `elapsed_s` ago, None for the
@@ -99,21 +111,25 @@ def motion_refusal(
     """
     if drifting_at_m is not None and before is not None and not any(after[1]):
         nearer = math.dist(after[0], drifting_at_m) <= math.dist(before[0], drifting_at_m)
-        return None if nearer else "setpoint leaves drifting aircraft"
+        return None if nearer else Refusal("setpoint leaves drifting aircraft")
     speed_mps = math.hypot(*after[1])
     # A setpoint may begin to move over while it still brakes on its path.
     most_mps = greatest_mps + least_mps
-    if speed_mps > most_mps + _TOLERANCE_MPS:
-        return exceeds("setpoint at", speed_mps, most_mps, "m/s")
+    too_fast = exceeds("setpoint at", speed_mps, most_mps, "m/s")
+    if too_fast is not None and speed_mps > most_mps + _TOLERANCE_MPS:
+        return Refusal(too_fast, speed_mps, most_mps, "m/s")
     if before is None:
         return None
     moved_m = math.dist(before[0], after[0])
-    if moved_m > (most_mps + _TOLERANCE_MPS) * elapsed_s + _TOLERANCE_M:
-        return f"setpoint jumps by {distance(moved_m)} m"
+    most_m = (most_mps + _TOLERANCE_MPS) * elapsed_s + _TOLERANCE_M
+    if moved_m > most_m:
+        return Refusal(f"setpoint jumps by {distance(moved_m)} m", moved_m, most_m, "m")
     changed_mps = math.dist(before[1], after[1])
     small_mps = max(least_mps, _SMALL_CORNER * greatest_mps)
-    if changed_mps > _HARDER * acceleration_mps2 * elapsed_s + small_mps + _TOLERANCE_MPS:
-        return f"setpoint speed jump {distance(changed_mps)} m/s"
+    most_change_mps = _HARDER * acceleration_mps2 * elapsed_s + small_mps + _TOLERANCE_MPS
+    if changed_mps > most_change_mps:
+        reason = f"setpoint speed jump {distance(changed_mps)} m/s"
+        return Refusal(reason, changed_mps, most_change_mps, "m/s")
     return None
 
 

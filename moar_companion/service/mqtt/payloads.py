@@ -23,6 +23,7 @@ from ...status_values import (
     ByWeight,
     CostEntry,
     EnergySection,
+    GateAction,
     HostSection,
     Indices,
     InspectionSection,
@@ -111,8 +112,20 @@ class MissionPayload(Payload):
 
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)
+class GateEvent(GateAction):
+    """Last setpoint that the setpoint gate refused. since_s: time of it."""
+
+    since_s: float
+
+
+@dataclass(frozen=True, kw_only=True, config=_CONFIG)
 class Conditions(SupervisionSection, Payload):
-    """Action in force, and the conditions, the gravest first."""
+    """Action in force, and the conditions, the gravest first.
+
+    gate: null until it has refused a setpoint.
+    """
+
+    gate: GateEvent | None
 
 
 @dataclass(frozen=True, kw_only=True, config=_CONFIG)

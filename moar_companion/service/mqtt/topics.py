@@ -69,8 +69,9 @@ def _began_s(status: Status, age_s: float | None) -> float | None:
 
 
 def _conditions(status: Status) -> Mapping[str, Any]:
-    supervision: Mapping[str, Any] = status["supervision"]
-    return supervision
+    gate = status["gate"]
+    event = None if gate is None else {**gate, "since_s": _began_s(status, gate["age_s"])}
+    return {**status["supervision"], "gate": event}
 
 
 def _risk(status: Status) -> Mapping[str, Any]:

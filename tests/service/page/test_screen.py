@@ -189,6 +189,19 @@ def test_a_condition_stands_first_with_value_and_action(live, page, flight, stat
     assert "Holds" in card.inner_text()
 
 
+def test_the_last_refused_setpoint_is_said_with_its_limit_and_its_age(live, page, flight, state_in):
+    row = live.locator("dt:text-is('Last refused setpoint') + dd")
+    assert row.inner_text() == "none so far"
+    gate = {"action": "held", "reason": "setpoint jumps by 0.3 m", "value": 0.3, "limit": 0.05}
+    flight.show(page, state_in("flying") | {"gate": gate | {"unit": "m", "age_s": 12.3}})
+    words = "12 s ago, held at the last good setpoint: setpoint jumps by 0.3 m (limit 0.05 m)"
+    live.get_by_text(words, exact=True).wait_for()
+    gate |= {"action": "ended", "reason": "setpoint at 1.4 m/s > 1.1", "limit": 1.1}
+    flight.show(page, state_in("flying") | {"gate": gate | {"unit": "m/s", "age_s": 0.4}})
+    words = "0.4 s ago, stopped sending setpoints: setpoint at 1.4 m/s > 1.1"
+    live.get_by_text(words, exact=True).wait_for()
+
+
 def test_the_page_says_what_happens_when_a_link_is_lost(live, page, flight, state_in):
     live.get_by_text("companion holds after 10 s", exact=True).wait_for()
     flight.show(page, state_in("flying") | {"failsafes": None})

@@ -2,7 +2,7 @@
 import { h, replaceWhen, setAttribute, setText } from "./dom.js";
 import { legendLine, legendMap, MAP_LAYERS, PlaneView, segments } from "./plane.js";
 import { WeightTriangle } from "./triangle.js";
-import { actionWords, actsWords, autopilotName, capital, controlWords, duration, goalWords, grade, headline, isKnown, isSilent, number, percent, plain, reasonWords, riskGrade, UNKNOWN } from "./words.js";
+import { actionWords, actsWords, autopilotName, capital, controlWords, duration, gateWords, goalWords, grade, headline, isKnown, isSilent, number, percent, plain, reasonWords, riskGrade, UNKNOWN } from "./words.js";
 
 /** Least risk whose cause is shown beside its bar. */
 const LOW = 0.05;
@@ -218,6 +218,7 @@ export class StatusView {
     if (radio) rows.push([`Radio ${radio.kind}`, `${number(radio.rssi, 0)} here, ${number(radio.remote_rssi, 0)} there`]);
     rows.push(["Position", isKnown(ages.local_position) ? `${duration(ages.local_position)} old` : UNKNOWN]);
     rows.push(["Setpoint gate", gate ? gate.reason : path ? `passes; aircraft ${number(path.error_m, 2)} m from the setpoint` : "no setpoint is sent"]);
+    rows.push(["Last refused setpoint", this.conditionsKnown ? gateWords(this.status.gate) : UNKNOWN]);
     rows.push(["Plan time", plan ? `${number(plan.search_ms, 1, " ms")}, ${duration(plan.age_s)} ago; ${plan.paths} paths` : UNKNOWN]);
     rows.push(["Lidar", perception ? lidar(perception) : "none is configured"]);
     if (host) rows.push(["Computer", `${gigabytes(host.memory_free_mb, 1)} memory, ${gigabytes(host.disk_free_mb, 0)} disk free`]);

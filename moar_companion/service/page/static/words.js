@@ -107,6 +107,14 @@ export function actionWords(action) {
   return ACTIONS[action] ?? capital(plain(action));
 }
 
+/** What the setpoint gate did last, and why; a reason that names its limit needs it no second time. */
+export function gateWords(gate) {
+  if (!gate) return "none so far";
+  const limit = isKnown(gate.limit) && !gate.reason.includes(">") ? ` (limit ${number(gate.limit, 2)} ${gate.unit})` : "";
+  const act = gate.action === "ended" ? "stopped sending setpoints" : "held at the last good setpoint";
+  return `${duration(gate.age_s)} ago, ${act}: ${gate.reason}${limit}`;
+}
+
 /** Grade of a condition's action: note, caution or warning. */
 export function grade(action) {
   if (action === "continue") return "note";
