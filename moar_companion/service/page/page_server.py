@@ -222,13 +222,12 @@ class _Page:
     async def about(self, _request: Request) -> Response:
         content = self._content
         orders = content.order is not None and content.token is not None
-        return _json({**content.about, "orders": orders, "tile_url": content.tile_url})
+        plans = content.make_what_if is not None
+        values = {"orders": orders, "what_if": plans, "tile_url": content.tile_url}
+        return _json({**content.about, **values})
 
     async def site(self, _request: Request) -> Response:
-        site = self._content.site()
-        if site is None:
-            raise _RefusedError(404, "no site yet")
-        return _json(site)
+        return _json(self._content.site())
 
     async def live(self, websocket: WebSocket) -> None:
         feed = self._content.feed
@@ -330,10 +329,7 @@ class _Page:
         return _json({"frames": frames})
 
     async def playback_site(self, request: Request) -> Response:
-        site = await self._played(request, lambda playback: playback.site())
-        if site is None:
-            raise _RefusedError(404, "the recording has no site")
-        return _json(site)
+        return _json(await self._played(request, lambda playback: playback.site()))
 
     async def _played(self, request: Request, ask: Callable[[Playback], Any]) -> Any:
         path = self._recording(request.path_params["name"])

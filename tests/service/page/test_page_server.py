@@ -126,7 +126,8 @@ def test_the_page_comes_with_headers_that_forbid_all_that_is_not_its_own(page):
 def test_the_page_says_what_it_can_and_has_the_site(page):
     status, _, about = page.ask("GET", "/api/page")
     tiles = "https://tiles.example/{z}/{x}/{y}.png"
-    assert (status, about) == (200, {"kind": "service", "orders": True, "tile_url": tiles})
+    values = {"orders": True, "what_if": True, "tile_url": tiles}
+    assert (status, about) == (200, {"kind": "service", **values})
     assert page.ask("GET", "/api/site")[2] == SITE
 
 
@@ -531,9 +532,11 @@ def test_a_page_without_a_service_has_no_frames_and_takes_no_orders():
         assert page.ask("GET", "/api/page")[2] == {
             "kind": "site",
             "orders": False,
+            "what_if": False,
             "tile_url": None,
         }
-        assert page.ask("GET", "/api/site")[0] == 404
+        status, _, site = page.ask("GET", "/api/site")
+        assert (status, site) == (200, None)
         assert page.ask("POST", "/api/order", body={"order": "hold"}, token=TOKEN)[0] == 403
         assert page.ask("DELETE", f"/api/recordings/{FLIGHT}", token=TOKEN)[0] == 403
         assert page.ask("GET", "/api/what-if")[0] == 404

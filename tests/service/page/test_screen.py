@@ -516,8 +516,9 @@ def test_a_telemetry_log_is_played_back_as_far_as_it_tells(browser):
         recordings=PageRecordings(file=file),
         open_playback=lambda _: ReplayPlayback(replay, None),
     )
-    with served(content) as page, opened(browser, f"http://{page.host}/", fault="404") as tab:
+    with served(content) as page, opened(browser, f"http://{page.host}/") as tab:
         tab.locator("[data-loaded]").wait_for()
+        assert not tab.get_by_role("link", name="What-if").is_visible()
         tab.get_by_role("slider", name="Time in the recording").press("End")
         tab.get_by_text("This recording has no conditions.").wait_for()
         assert tab.locator(".events button").count() == len(replay.events)

@@ -62,6 +62,7 @@ export class LiveView {
     this.connect();
     this.timers = [setInterval(() => this.askEscapes(), ESCAPES_PERIOD_MS), setInterval(() => this.watch(), RETRY_MS)];
     // The first one loads the planner: what is live does not wait for it.
+    if (!this.page.what_if) return;
     get("api/what-if").then((found) => {
       this.whatIf = found;
       this.askEscapes();

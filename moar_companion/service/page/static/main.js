@@ -36,7 +36,7 @@ class Page {
   constructor(page) {
     this.page = page;
     this.views = {};
-    this.shown = SHOWN[page.kind];
+    this.shown = SHOWN[page.kind].filter((name) => name !== "what-if" || page.what_if);
     for (const name of SHOWN.service) document.getElementById(`tab-${name}`).hidden = !this.shown.includes(name);
     addEventListener("hashchange", () => this.route());
   }

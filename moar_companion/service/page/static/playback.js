@@ -2,7 +2,7 @@
 import { h, s, setAttribute, setText } from "./dom.js";
 import { escapesRequest } from "./live.js";
 import { merged } from "./merge.js";
-import { authorization, confirmed, get, Newest, post, Refused } from "./server.js";
+import { authorization, confirmed, get, Newest, post } from "./server.js";
 import { StatusView } from "./status.js";
 import { bytes, plain } from "./words.js";
 
@@ -145,11 +145,8 @@ export class PlaybackView {
     const isLeft = () => this.loading !== loading;
     try {
       const summary = await get(`api/playback/${encoded}`);
-      const site = await get(`api/playback/${encoded}/site`).catch((error) => {
-        if (error instanceof Refused) return null;
-        throw error;
-      });
-      const whatIf = await get("api/what-if").catch(() => null);
+      const site = await get(`api/playback/${encoded}/site`);
+      const whatIf = this.page.what_if ? await get("api/what-if").catch(() => null) : null;
       if (isLeft()) return;
       Object.assign(this, { summary, site, whatIf });
       this.view.setSite(site, this.page.vehicle);
