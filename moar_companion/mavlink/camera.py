@@ -125,7 +125,10 @@ class CameraClient:
         """True where the camera has not told what it is: only a picture will show."""
         self._sequence = 0
         self._last_number: int | None = None
-        """Number of the last confirmed picture."""
+        """Number of the last confirmed picture, or before it of the last on the card; -1: none.
+
+        None while unknown.
+        """
         self._full = False
         self._request: _Picture | None = None
         self._commands: list[SentCommand] = []
@@ -153,8 +156,6 @@ class CameraClient:
         self._full = False
         self.picture = Capture.PENDING
         self._request = _Picture(self._picture_command())
-        if self._last_number is None and not self._uses_digicam:
-            self._commands.append(self._message_request(_CAPTURE_STATUS))
 
     def forget_picture(self) -> None:
         """Gives the picture up that is awaited; a late confirmation is still read."""
@@ -191,6 +192,7 @@ class CameraClient:
         if message_id == _INFORMATION and self._asked is not None and self.camera is None:
             if source == self._asked.target:
                 self.camera = _camera(message, link, source)
+                self._commands.append(self._message_request(_CAPTURE_STATUS))
             return
         if message_id == _COMMAND_ACK:
             self._take_answer(message, ours, now_s)
@@ -198,7 +200,8 @@ class CameraClient:
             return
         elif message_id == _CAPTURE_STATUS:
             self._full = message.available_capacity <= 0.0  # NaN: not told
-            if self._last_number is None and message.image_count > 0:
+            # While a picture is taken, the count may have it already.
+            if self._last_number is None and self._request is None:
                 self._last_number = message.image_count - 1
         elif message_id == _IMAGE_CAPTURED:
             self._take_captured(message, now_s)
@@ -323,8 +326,11 @@ class CameraClient:
         request.ask_s = now_s + _ASK_PERIOD_S
         # ArduPilot resends its last CAMERA_FEEDBACK; a camera the picture of this number.
         asked = _FEEDBACK if self._on_autopilot and request.asks % 2 else _IMAGE_CAPTURED
-        number = 0 if self._last_number is None else self._last_number + 1
-        return self._message_request(asked, number, most=1).due(now_s)
+        if asked == _FEEDBACK:
+            return self._message_request(asked, most=1).due(now_s)
+        if self._last_number is None:
+            return []  # any number might be that of an older picture
+        return self._message_request(asked, self._last_number + 1, most=1).due(now_s)
 
     def _try_again(self, request: _Picture) -> None:
         if request.tries == _TRIES:

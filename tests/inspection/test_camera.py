@@ -74,6 +74,50 @@ def test_a_lost_confirmation_is_requested_again_and_no_second_picture_taken():
     assert len(rig.payload.pictures) == 2
 
 
+def test_a_count_that_has_the_picture_already_hides_no_confirmation():
+    rig = found()
+    rig.camera.take_picture()
+    rig.run(0.1)
+    status = mavlink.MAVLink_camera_capture_status_message(0, 0, 0, 0.0, 0, 9.0, 1)
+    status.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=100))
+    rig.hear(status)
+    rig.run(8.0)
+    assert rig.camera.picture is Capture.DONE
+    assert len(rig.payload.pictures) == 1
+
+
+def test_a_confirmation_is_requested_behind_the_pictures_on_the_card():
+    rig = OnBoard()
+    rig.run(0.1)
+    for number in range(3):
+        rig.payload.receive(shutter(number))
+        rig.run(1.0)
+    rig.want()
+    rig.run(1.0)
+    rig.payload.faults.confirmations_lost = 1.0
+    rig.camera.take_picture()
+    rig.run(4.0)
+    assert [image.number for image in rig.images] == [3]
+    assert len(rig.payload.pictures) == 4
+
+
+def test_an_older_picture_confirms_no_new_one():
+    rig = OnBoard()
+    messages = rig.payload._camera_message
+    rig.payload._camera_message = lambda message_id, number: (
+        None if message_id == mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS
+        else messages(message_id, number)
+    )  # fmt: skip
+    rig.run(0.1)
+    rig.payload.receive(shutter(1))
+    rig.run(1.0)
+    rig.want()
+    rig.run(4.0)
+    rig.payload.faults.confirmations_lost = 1.0
+    assert take(rig, 15.0) is Capture.FAILED
+    assert rig.images == []
+
+
 def test_a_busy_camera_is_waited_for_and_then_refused():
     rig = found()
     rig.payload.faults.busy = True
@@ -102,13 +146,15 @@ def test_a_camera_that_falls_silent_is_named():
     assert rig.camera.failure == "camera does not answer"
 
 
+def shutter(number):
+    """A ground station's order of a picture."""
+    command = mavlink.MAVLink_command_long_message(1, 100, START, 0, 0, 0, 1, number, 0, 0, 0)
+    return command.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190))
+
+
 def test_a_picture_that_others_take_is_read_too():
     rig = found()
-    rig.payload.receive(
-        mavlink.MAVLink_command_long_message(1, 100, START, 0, 0, 0, 1, 77, 0, 0, 0).pack(
-            mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        )
-    )
+    rig.payload.receive(shutter(77))
     rig.run(1.0)
     assert rig.camera.picture is Capture.NONE
     assert [image.number for image in rig.images] == [0]
