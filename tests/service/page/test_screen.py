@@ -253,6 +253,27 @@ def test_every_order_has_a_button(live, page, flight, state_in):
     assert flight.orders[1][1] is not None
 
 
+@pytest.mark.parametrize("name", ["planning", "ready", "overridden", "holding", "idle"])
+def test_hold_is_offered_in_each_state(live, page, flight, state_in, name):
+    state = state_in("flying")
+    flight.show(page, state | {"mission": state["mission"] | {"state": name, "text": name}})
+    live.get_by_text(f" ago: {name}").wait_for()
+    assert live.get_by_role("button", name="Hold").is_enabled()
+    assert live.get_by_role("button", name="Continue").is_enabled()
+
+
+def test_escapes_that_the_planner_no_longer_answers_are_not_shown(browser, page, flight, state_in):
+    with opened(browser, f"http://{page.host}/#live", fault="503") as tab:
+        escapes = tab.locator(".plane path.exit")
+        escapes.first.wait_for(state="attached")
+        tab.route("**/api/what-if", lambda route: route.fulfill(status=503, body="{}"))
+        state = state_in("flying")
+        with tab.expect_response("**/api/what-if"):
+            flight.show(page, state | {"plan": state["plan"] | {"paths": 99}})
+        answered(tab)
+        assert escapes.count() == 0
+
+
 def test_a_wrong_token_orders_nothing_and_is_said(browser, page, flight):
     address = f"http://{page.host}/#token=wrong-token-of-the-page"
     with opened(browser, address, fault="401") as tab:

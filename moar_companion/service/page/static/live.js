@@ -11,6 +11,8 @@ const SILENT_S = 2;
 const LOST_S = 6;
 const ESCAPES_PERIOD_MS = 3000;
 const APART_M = 0.1;
+/** Status of an answer to a request that one of another tab has replaced. */
+const SUPERSEDED = 429;
 
 /** Obstacles of the site as seen now, that a site file does not have. */
 function withSeen(document, view) {
@@ -51,7 +53,7 @@ export class LiveView {
     this.answer = h("p", { class: "answer", role: "status" });
     this.view.below.append(this.orders);
     this.element = this.view.element;
-    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view.setEscapes(found.alternatives), () => {});
+    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view.setEscapes(found.alternatives), (error) => error.status === SUPERSEDED || this.view.setEscapes([]));
     this.makeOrders();
   }
 
@@ -146,6 +148,7 @@ export class LiveView {
     if (!this.state?.mission || !this.site || document.hidden) return;
     const request = escapesRequest(this.state, this.whatIf, this.site);
     if (request) this.escapes.ask(request);
+    else this.view.setEscapes([]);
   }
 
   makeOrders() {
@@ -171,9 +174,9 @@ export class LiveView {
     replaceWhen(this.target, names, () => [h("option", { value: "" }, "every target"), ...names.map((name) => h("option", { value: name }, name))]);
   }
 
+  /** Hold counts in each state: it also keeps a mission from going on by itself. */
   updateOrders() {
-    this.go.disabled = this.state.mission.state !== "holding";
-    this.hold.disabled = !["flying", "at_target", "landing_leg"].includes(this.state.mission.state);
+    this.go.disabled = ["flying", "at_target", "landing_leg"].includes(this.state.mission.state);
   }
 
   async order(order, target, title, text) {

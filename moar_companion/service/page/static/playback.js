@@ -86,7 +86,7 @@ export class PlaybackView {
     this.message = h("p", { role: "status" });
     this.listElement = h("div", { class: "page" }, h("h1", {}, "Recordings"), this.message, h("section", { class: "card" }, this.list));
     this.element = h("div");
-    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view?.setEscapes(found.alternatives), () => {});
+    this.escapes = new Newest((request) => post("api/what-if", request), (found, _, newest) => newest && this.asked === this.now && this.view.setEscapes(found.alternatives), () => {});
   }
 
   async open(name) {
@@ -234,6 +234,7 @@ export class PlaybackView {
   seek(time) {
     if (!this.frames.frames.length) return;
     this.now = Math.min(Math.max(0, time), this.summary.duration_s);
+    if (this.asked !== this.now) this.view.escapes = [];
     const index = this.frames.at(this.now);
     const state = this.frames.state(index);
     this.slider.value = String(this.now);
@@ -250,6 +251,7 @@ export class PlaybackView {
       clearTimeout(this.settling);
       this.settling = setTimeout(() => {
         const request = this.site && escapesRequest(state, this.whatIf, this.site);
+        this.asked = this.now;
         if (request) this.escapes.ask(request);
       }, SETTLED_MS);
     }
