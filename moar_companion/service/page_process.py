@@ -214,17 +214,22 @@ class PageProcess:
             self._received += self._channel.recv(_RECEIVED_BYTES)
         *lines, self._received = self._received.split(b"\n")
         for line in lines:
-            match json.loads(line):
-                case {"watched": watched}:
-                    self._watched, self._due_s = watched, 0.0
-                case {"site_wanted": _}:
-                    self._site, self._watched = None, False
-                case {"order": {"order_id": order_id, "word": word, "target": target}} if (
-                    self.orders is not None
-                ):
-                    if not self.orders.give(order_id, word, target):
-                        reason = "too many orders at once"
-                        self._answer(order_id, CommandResult.TEMPORARILY_REJECTED, reason)
+            # Before the first line after a restart there may be a part of one.
+            with contextlib.suppress(json.JSONDecodeError):
+                self._take(json.loads(line))
+
+    def _take(self, message: dict[str, Any]) -> None:
+        match message:
+            case {"watched": watched}:
+                self._watched, self._due_s = watched, 0.0
+            case {"site_wanted": _}:
+                self._site, self._watched = None, False
+            case {"order": {"order_id": order_id, "word": word, "target": target}} if (
+                self.orders is not None
+            ):
+                if not self.orders.give(order_id, word, target):
+                    reason = "too many orders at once"
+                    self._answer(order_id, CommandResult.TEMPORARILY_REJECTED, reason)
 
     def _send(self, message: dict[str, Any]) -> None:
         self._unsent += json.dumps(message, allow_nan=False).encode() + b"\n"

@@ -249,6 +249,17 @@ def test_more_orders_than_a_cycle_takes_are_rejected_for_now(config, monkeypatch
     page.close()
 
 
+def test_a_line_that_a_killed_page_has_begun_ends_nothing(config, monkeypatch):
+    monkeypatch.setattr("moar_companion.service.page_process.ChildProcess", FakeProcess)
+    page = PageProcess(config, Vehicle.load(VEHICLE_FILE))
+    page._other_end.sendall(b'{"order": {"ord\n{"order": {"order_id": "1", ')
+    page.exchange(dict, None)
+    page._other_end.sendall(b'"word": "hold", "target": null}}\n')
+    page.exchange(dict, None)
+    assert len(page.orders.take()) == 1
+    page.close()
+
+
 def test_a_port_in_use_is_one_line():
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]

@@ -54,6 +54,7 @@ class ServiceChannel:
     async def run(self) -> None:
         """Reads until the service ends."""
         reader, self._writer = await asyncio.open_connection(sock=self._socket, limit=_LONGEST_LINE)
+        self._writer.write(b"\n")  # the end of a line that a killed process has begun
         self._send({"site_wanted": True})
         silence = asyncio.create_task(self._watch_silence())
         try:

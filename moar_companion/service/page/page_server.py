@@ -320,7 +320,8 @@ class _Page:
         return path
 
     async def playback(self, request: Request) -> Response:
-        played = await self._played(request, lambda playback: playback.summary())
+        # It is asked first, and the present flight has grown since.
+        played = await self._played(request, lambda playback: playback.summary(), anew=True)
         return _json({"name": request.path_params["name"], **played})
 
     async def playback_frames(self, request: Request) -> Response:
@@ -331,14 +332,16 @@ class _Page:
     async def playback_site(self, request: Request) -> Response:
         return _json(await self._played(request, lambda playback: playback.site()))
 
-    async def _played(self, request: Request, ask: Callable[[Playback], Any]) -> Any:
+    async def _played(
+        self, request: Request, ask: Callable[[Playback], Any], *, anew: bool = False
+    ) -> Any:
         path = self._recording(request.path_params["name"])
 
         def answer() -> Any:
             open_playback = self._content.open_playback
             if open_playback is None:
                 raise _RefusedError(404, "this page plays nothing back")
-            if self._playback is None or self._playback[0] != path:
+            if anew or self._playback is None or self._playback[0] != path:
                 self._playback = None
                 self._playback = (path, open_playback(path))
             return ask(self._playback[1])

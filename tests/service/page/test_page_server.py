@@ -471,6 +471,34 @@ def test_odd_parts_of_a_file_are_answered(page, range_):
     assert page.ask("HEAD", path)[::2] == (200, b"")
 
 
+def test_the_present_flight_is_played_back_as_long_as_it_is(folder):
+    opened = []
+
+    class Growing:
+        def __init__(self, path):
+            opened.append(path)
+            self.bytes = path.stat().st_size
+
+        def summary(self):
+            return {"duration_s": self.bytes}
+
+        def frames(self, *_):
+            return [self.bytes]
+
+    content = PageContent(
+        about={}, site=lambda: None, recordings=PageRecordings(folder), open_playback=Growing
+    )
+    path = folder / FLIGHT / "flight.mcap"
+    with served(content) as page:
+        for size in (10, 30):
+            path.write_bytes(bytes(size))
+            played = page.ask("GET", f"/api/playback/{FLIGHT}")[2]
+            assert played == {"name": FLIGHT, "duration_s": size}
+            frames = page.ask("GET", f"/api/playback/{FLIGHT}/frames?from=0&to=1")[2]
+            assert frames == {"frames": [size]}
+    assert opened == [path, path]
+
+
 @pytest.mark.parametrize("query", ["", "from=0", "from=nan&to=1", "from=0&to=nan", "from=x&to=1"])
 def test_frames_of_no_time_are_refused_in_one_line(page, query):
     status, _, document = page.ask("GET", f"/api/playback/{OTHER}/frames?{query}")
