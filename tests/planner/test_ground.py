@@ -183,6 +183,22 @@ def test_the_speed_is_capped_before_ground_that_rises():
     assert ground_of(HILL).distance(Point(stop_m, 3.25)) >= LEAST_M - 1e-6
 
 
+def test_the_speed_is_capped_above_ground_that_is_below_the_workspace():
+    site = hilly()
+    space = replace(site.workspace, lower_m=(0.0, 5.0), min_altitude_m=4.0, ground_m=())
+    place, down = np.array([(2.25, 0.0, 6.25)]), np.array([(0.0, 0.0, -1.0)])
+
+    def cap_mps(profile):
+        over = replace(site, workspace=replace(space, ground_m=profile))
+        maps = build_maps(over, VEHICLE)
+        volume = FlightVolume(site=over, vehicle=VEHICLE, maps=maps, loss=loss_of(PX4))
+        return float(volume.speed_cap_mps(place, down)[0])
+
+    level = cap_mps(((0.0, 0.0), (20.0, 0.0)))
+    assert 0.8 * cap_mps(()) < level <= cap_mps(())
+    assert cap_mps(((0.0, -1.0), (20.0, -1.0))) > level
+
+
 def test_a_low_aircraft_on_a_slope_recovers_straight_up():
     site = hilly()
     corners = recovery_leg(site, VEHICLE, build_maps(site, VEHICLE), (8.25, 3.8))

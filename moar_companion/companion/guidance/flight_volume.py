@@ -135,15 +135,19 @@ class FlightVolume:
     ) -> FloatArray:
         """Distances (n,) from places (n, 2) in directions (n, 2) to cells that are too low.
 
-        Less half a cell: those cells are too low by their centres.
+        Less half a cell: those cells are too low by their centres. From the workspace also to those
+        below it; a leg outside of it may lead lower.
         """
-        grid = self.maps.grid
-        low = np.ascontiguousarray(too_low(self.site, grid)).view(np.uint8)
-        low.flags.writeable = False
-        starts = np.ascontiguousarray((places_m - np.array(grid.lower_m)) / grid.resolution_m)
-        along = np.ascontiguousarray(directions / grid.resolution_m)
-        above_m: FloatArray = free_ahead(low, starts, along, farthest_m)
-        return np.where(above_m < farthest_m, above_m - 0.5 * grid.resolution_m, above_m)
+        space, above_m = self.site.workspace, np.full(len(places_m), farthest_m)
+        inside = ((places_m > space.lower_m) & (places_m < space.upper_m)).all(axis=1)
+        for grid, rays in ((self.maps.reach.grid, inside), (self.maps.grid, ~inside)):
+            low = np.ascontiguousarray(too_low(self.site, grid)).view(np.uint8)
+            low.flags.writeable = False
+            starts = (places_m[rays] - np.array(grid.lower_m)) / grid.resolution_m
+            along = directions[rays] / grid.resolution_m
+            above_m[rays] = free_ahead(low, starts, along, farthest_m)
+        half_m = 0.5 * space.resolution_m
+        return np.where(above_m < farthest_m, above_m - half_m, above_m)
 
     def free_between(self, start_m: FloatArray, end_m: Vector) -> bool:
         """True if the straight line between two places is in free cells only."""
