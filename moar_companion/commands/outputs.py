@@ -86,10 +86,10 @@ def replacing(path: str) -> Iterator[IO[bytes]]:
 def replace_together(contents: Mapping[Path, str]) -> None:
     """Writes files that belong together: all take their names when all are complete.
 
-    Until then the old files stay, after an interrupt, too.
+    Until then the old files stay, after an interrupt or the end of the terminal, too.
     """
     parts: dict[Path, Path] = {}
-    signals = {signal.SIGINT, signal.SIGTERM}
+    signals = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
         for path, text in contents.items():

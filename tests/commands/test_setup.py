@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import shutil
+import signal
 import sys
 import termios
 import threading
@@ -226,6 +227,21 @@ def test_files_that_belong_together_are_replaced_together(tmp_path, monkeypatch)
     assert [path.read_text() for path in paths] == ["new", "new"]
     with pytest.raises(OSError, match="No such file"):
         outputs.replace_together({paths[0]: "newer", tmp_path / "none" / "c": "newer"})
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["new", "new"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_files_are_replaced_ends_nothing_in_between(tmp_path, monkeypatch, number):
+    def end(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", lambda _: os.kill(os.getpid(), number))
+    before = signal.signal(number, end)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            outputs.replace_together(dict.fromkeys((tmp_path / "a", tmp_path / "b"), "new"))
+    finally:
+        signal.signal(number, before)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["new", "new"]
 
 
