@@ -18,7 +18,7 @@ from typing import Any
 from ..companion.error_margin import margin_of
 from ..companion.planning.site_maps import SiteMaps
 from ..errors import LinkError
-from ..mavlink.commands import CommandResult
+from ..mavlink.commands import ORDERS, CommandResult
 from ..mavlink.link_basics import clock_s, reason
 from ..planner.site_view import maps_view, site_view
 from ..settings.config import CompanionConfig
@@ -38,7 +38,9 @@ _SITE_PERIOD_S = 1.0
 """Least time between two sites: a sensor changes the maps several times a second."""
 _MOST_CELLS = 40_000
 """Cells of the maps that are sent: more than a display shows."""
-_RECEIVED_BYTES = 65_536
+_RECEIVED_BYTES = 4096
+"""Of the process, a cycle: dozens of orders. Its faults must not take the cycle's time."""
+_GREATEST_INDEX = 65_535
 _SHORTEST_TOKEN, _LONGEST_TOKEN = 16, 256
 _BACKLOG = 64
 
@@ -212,7 +214,8 @@ class PageProcess:
         """Takes what the process sent since the last call."""
         with contextlib.suppress(BlockingIOError):
             self._received += self._channel.recv(_RECEIVED_BYTES)
-        *lines, self._received = self._received.split(b"\n")
+        *lines, rest = self._received.split(b"\n")
+        self._received = rest[-_RECEIVED_BYTES:]
         for line in lines:
             # Before the first line after a restart there may be a part of one.
             with contextlib.suppress(json.JSONDecodeError):
@@ -224,8 +227,14 @@ class PageProcess:
                 self._watched, self._due_s = watched, 0.0
             case {"site_wanted": _}:
                 self._site, self._watched = None, False
-            case {"order": {"order_id": order_id, "word": word, "target": target}} if (
-                self.orders is not None
+            case {
+                "order": {
+                    "order_id": str(order_id),
+                    "word": str(word),
+                    "target": (int() | None) as target,
+                }
+            } if (
+                self.orders is not None and word in ORDERS and 0 <= (target or 0) <= _GREATEST_INDEX
             ):
                 if not self.orders.give(order_id, word, target):
                     reason = "too many orders at once"

@@ -260,6 +260,23 @@ def test_a_line_that_a_killed_page_has_begun_ends_nothing(config, monkeypatch):
     page.close()
 
 
+@pytest.mark.parametrize(
+    ("word", "target"),
+    [("fly", None), (["hold"], None), ("hold", "x"), ("hold", 1.5), ("hold", 10**99), ("hold", -1)],
+)
+def test_what_is_no_order_reaches_no_link_whatever_the_page_sends(
+    config, monkeypatch, word, target
+):
+    monkeypatch.setattr("moar_companion.service.page_process.ChildProcess", FakeProcess)
+    page = PageProcess(config, Vehicle.load(VEHICLE_FILE))
+    order = {"order_id": "1", "word": word, "target": target}
+    for message in ({"order": order}, {"order": {**order, "word": "hold", "target": 0}}):
+        page._other_end.sendall(json.dumps(message).encode() + b"\n")
+    page.exchange(dict, None)
+    assert len(page.orders.take()) == 1
+    page.close()
+
+
 def test_a_port_in_use_is_one_line():
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
