@@ -366,8 +366,9 @@ def _carry_out_one(state: CycleState, effect: Effect, now_s: float) -> tuple[Eff
             state.reports.send_text(severity, text, now_s, action=action, is_new=is_new)
             if condition:
                 state.safety_monitor.note_reported(condition)
-        case LeaveOut(stops):
-            state.reports.record("left_out", now_s, stops=list(stops), reason="energy")
+        case LeaveOut(stops, reason):
+            state.reports.record("left_out", now_s, stops=list(stops), reason=reason)
+            state.inspector.leave_out(stops)
         case FlightEffect.BRAKE:
             state.routes.brake()
         case OverrideConditions(known):

@@ -46,7 +46,7 @@ class ViewOutcome:
     """Outcome of the present view, for the mission machine.
 
     pending: it is not captured so far. failed: reason; None without a failure. others: stops of the
-    same target. missing: views of this inspection that were left out.
+    same target. missing: stops of this inspection that are not done: failed, or left out.
     """
 
     pending: bool = False
@@ -69,6 +69,7 @@ class Inspector:
         """Confirmed pictures of the present inspection, by stop."""
         self._filmed: set[str] = set()
         self._failed: set[str] = set()
+        self._left_out: set[str] = set()
         self._shot: Shot | None = None
         """The picture that was asked for and is not confirmed."""
         self._shot_until_s = math.inf
@@ -86,11 +87,16 @@ class Inspector:
         self._taken.clear()
         self._filmed.clear()
         self._failed.clear()
+        self._left_out.clear()
+
+    def leave_out(self, stops: tuple[str, ...]) -> None:
+        """Notes stops that the inspection leaves out."""
+        self._left_out.update(stops)
 
     def outcome(self, status: MissionStatus, site: Site | None) -> ViewOutcome:
         """Outcome of the view at which the flight is."""
         target = _view_of(status, site)
-        missing = len(self._failed)
+        missing = len(self._failed | self._left_out)
         if target is None or site is None:
             return ViewOutcome(missing=missing)
         others = site.stops_of(target.target_name)

@@ -76,8 +76,8 @@ EVERY_TARGET_DONE = PilotText(
     meaning="the inspection has ended",
     remedy="order the exit, or take over",
 )
-VIEWS_MISSING = PilotText(
-    pattern="{count} views not captured",
+STOPS_MISSING = PilotText(
+    pattern="stops not done: {count}",
     actions=("holding",),
     meaning="the inspection has ended; the record says why",
     remedy="order the inspection again, or take over",

@@ -147,6 +147,14 @@ def test_the_account_tells_what_became_of_each_place_in_the_order_of_the_tour():
     assert [visit.done for visit in visits] == [True, True, False]
 
 
+def test_a_place_that_is_ordered_again_is_not_left_out():
+    again = {"state": "at_target", "goal": INNER}
+    view = {"stop": INNER, "outcome": "done", "reason": ""}
+    row = {"kind": "view", "time_s": 0, "data": view}
+    sent = [*messages(), ("/mission", BEGAN_S + 40.0, again), ("/decision", BEGAN_S + 45.0, row)]
+    assert account(sent=sent).visits[-1].outcome == "captured"
+
+
 def test_a_view_that_failed_is_incomplete_with_its_reason():
     failed = {"kind": "view", "stop": INNER, "outcome": "failed", "reason": "card full"}
     sent = [item for item in messages() if item[2].get("kind") != "left_out"]

@@ -113,6 +113,8 @@ def test_a_stop_for_which_the_energy_does_not_suffice_is_left_out_after_a_while(
     left_out = [item.data for item in desk.decisions if item.kind == "left_out"]
     assert left_out == [{"stops": ["splice-inner"], "reason": "energy"}]
     assert desk.state in {"flying", "at_target"}
+    desk.run(7.0)
+    assert desk.said("MOAR: stops not done: 1, holding")
 
 
 @pytest.mark.slow

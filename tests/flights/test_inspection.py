@@ -107,7 +107,7 @@ def test_a_failed_view_is_left_out_where_that_is_set():
     flight.run_until_state("flying", 30.0)
     assert "MOAR: gimbal held by 255/190, target skipped" in texts(flight)
     flight.run_until_state("holding", 90.0)
-    assert "MOAR: 2 views not captured, holding" in texts(flight)
+    assert "MOAR: stops not done: 2, holding" in texts(flight)
     assert flight.payload.holder == (255, 190)
     assert not flight.payload.pictures
 

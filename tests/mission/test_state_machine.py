@@ -321,7 +321,7 @@ def test_stops_that_the_energy_does_not_suffice_for_are_left_out_and_told(state)
     flight.shorten(2)
     assert flight.status.task == INSPECTION
     assert flight.said[-1] == "MOAR: no energy for third, 1 more, left out"
-    assert LeaveOut(("third", "fourth")) in flight.effects
+    assert LeaveOut(("third", "fourth"), "energy") in flight.effects
     flight.shorten(1)
     assert flight.status.task.stops == ("first",)
     assert flight.said[-1] == "MOAR: no energy for second, left out"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.companion.mission.values import Order
+from moar_companion.companion.mission.values import LeaveOut, Order
 from moar_companion.companion.mission_states import MissionState
 from moar_companion.settings.config import OnFailure
 
@@ -54,8 +54,17 @@ def test_a_failed_view_is_left_out_alone_or_with_its_target():
         assert f"MOAR: camera card full, {action}" in flight.said
 
 
+def test_the_other_views_of_a_skipped_target_are_missing_too():
+    flight = story(MissionState.AT_TARGET, replace(VIEWS, stops=("first/1", "first/2", "first/3")))
+    flight.on_failure = OnFailure.SKIP
+    others = ("first/1", "first/2", "first/3")
+    flight.see(arrived=True, view_failed=FULL, view_others=others, views_missing=1)
+    assert LeaveOut(("first/2", "first/3"), FULL) in flight.effects
+    assert "MOAR: stops not done: 3, holding" in flight.said
+
+
 def test_an_inspection_with_missing_views_ends_with_their_number():
     flight = story(MissionState.AT_TARGET, replace(INSPECTION, stops=("first/1",)))
     flight.see(arrived=True, views_missing=2).tick(10.0)
     assert flight.state == "holding"
-    assert "MOAR: 2 views not captured, holding" in flight.said
+    assert "MOAR: stops not done: 2, holding" in flight.said

@@ -107,6 +107,7 @@ class AccountBuilder:
     def _take_mission(self, wall_s: float, state: str, goal: str | int | None) -> None:
         here = goal if state == "at_target" and isinstance(goal, str) else None
         if here is not None:
+            self._left_out.pop(here, None)  # ordered again
             since_s = self._at[1] if self._at is not None and self._at[0] == here else wall_s
             self._held_s[here] = self._held_s.get(here, 0.0) + wall_s - since_s
         self._at = None if here is None else (here, wall_s)

@@ -208,7 +208,7 @@ def shortened(status: MissionStatus, fitting: int | None) -> Step:
     if len(left_out) > 1:
         text = pilot_texts.NO_ENERGY_FOR_MORE(target=left_out[0], count=len(left_out) - 1)
     shorter = replace(status, task=replace(task, stops=task.stops[:fitting]))
-    return shorter, (SendText(text, "left out", serious=True), LeaveOut(left_out))
+    return shorter, (SendText(text, "left out", serious=True), LeaveOut(left_out, "energy"))
 
 
 def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
@@ -329,17 +329,17 @@ def _onward(
             return _without_view(status, task, world.view_failed, world, on_failure, now_s)
         if world.view_pending or now_s - status.since_s < world.dwell_s:
             return status, ()
-        return _to_next(status, replace(task, stops=task.stops[1:]), world, now_s)
+        rest = replace(task, stops=task.stops[1:])
+        return _to_next(status, rest, world.views_missing, now_s)
     return status, ()
 
 
-def _to_next(status: MissionStatus, rest: Task, world: Situation, now_s: float) -> Step:
-    """Requests the plan to the next target; after the last holds."""
+def _to_next(status: MissionStatus, rest: Task, missing: int, now_s: float) -> Step:
+    """Requests the plan to the next target; after the last holds. missing: stops not done."""
     if not rest.done:
         return replace(status, requested=rest), (RequestPlan(rest),)
     held = entered(status, MissionState.HOLDING, now_s)
-    missing = world.views_missing
-    words = pilot_texts.VIEWS_MISSING(count=missing) if missing else pilot_texts.EVERY_TARGET_DONE()
+    words = pilot_texts.STOPS_MISSING(count=missing) if missing else pilot_texts.EVERY_TARGET_DONE()
     text = SendText(words, MissionState.HOLDING.words, serious=missing > 0)
     return replace(held, task=rest), (text,)
 
@@ -357,12 +357,13 @@ def _without_view(
         held = entered(status, MissionState.HOLDING, now_s)
         return held, (SendText(reason, MissionState.HOLDING.words, serious=True),)
     skips = on_failure is OnFailure.SKIP
-    left_out = world.view_others if skips else task.stops[:1]
-    rest = replace(task, stops=tuple(stop for stop in task.stops if stop not in left_out))
+    others = tuple(stop for stop in task.stops[1:] if skips and stop in world.view_others)
+    rest = replace(task, stops=tuple(stop for stop in task.stops[1:] if stop not in others))
     action = "target skipped" if skips else "view skipped"
     text = SendText(reason, action, serious=True)
-    after, effects = _to_next(status, rest, world, now_s)
-    return after, (text, *effects)
+    left_out = (LeaveOut(others, reason),) if others else ()
+    after, effects = _to_next(status, rest, world.views_missing + len(others), now_s)
+    return after, (text, *left_out, *effects)
 
 
 def _landed_above(status: MissionStatus, now_s: float) -> Step:

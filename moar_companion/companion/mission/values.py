@@ -119,7 +119,7 @@ class Situation:
     view_others: tuple[str, ...] = ()
     """Stops of the same target, that one included."""
     views_missing: int = 0
-    """Views of the inspection that were left out."""
+    """Stops of the inspection so far that are not done."""
     tracking_lost: bool = False
     """True if the aircraft is off its setpoint; given the mode, it would fly to the setpoint."""
 
@@ -163,9 +163,10 @@ class OverrideConditions:
 
 @dataclass(frozen=True, slots=True)
 class LeaveOut:
-    """Effect: record the stops that are left out."""
+    """Effect: note the stops that are left out, and the reason."""
 
     stops: tuple[str, ...]
+    reason: str
 
 
 class FlightEffect(enum.Enum):
