@@ -13,8 +13,10 @@ from ..errors import InputError
 def with_values(text: str, source: str, values: Mapping[str, str]) -> str:
     """The text with other values of top-level keys; keys that it lacks are appended.
 
-    values: by key, as YAML on one line. Raises InputError for a text that is no block of keys.
+    values: by key, as YAML on one line. Raises InputError for a text that is no block of keys, and
+    for one of which any other value would change.
     """
+    old = text
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError:
@@ -30,7 +32,15 @@ def with_values(text: str, source: str, values: Mapping[str, str]) -> str:
     missing = [key for key in values if key not in nodes]
     if missing and not text.endswith("\n"):
         text += "\n"
-    return text + "".join(f"{key}: {values[key]}\n" for key in missing)
+    text += "".join(f"{key}: {values[key]}\n" for key in missing)
+    try:
+        wanted = {key: yaml.safe_load(value) for key, value in values.items()}
+        done = yaml.safe_load(text) == yaml.safe_load(old) | wanted
+    except (yaml.YAMLError, ValueError):
+        done = False
+    if not done:
+        raise InputError(source, "", "cannot be edited: must be written as the shipped one is")
+    return text
 
 
 def end_of(node: Any) -> int:

@@ -215,10 +215,11 @@ def test_values_are_replaced_in_any_form_of_yaml(text, expected):
     assert ("# end" in text) == ("# end" in edited)
 
 
-def test_a_file_in_flow_style_is_refused():
-    for text in ("{a: 1}", "- a", "a: [", ""):
+def test_a_file_of_which_another_value_would_change_is_refused():
+    values_in_blocks = ("b: |\n  x\na: 1\n", "b: &x 1\nc: *x\na: 1\n", "---\na: 1\n...\n")
+    for text in ("{a: 1}", "- a", "a: [", "", *values_in_blocks):
         with pytest.raises(InputError, match="cannot be edited"):
-            with_values(text, "file", {"a": "2"})
+            with_values(text, "file", {"a": "2", "b": "3"})
 
 
 def test_files_that_belong_together_are_replaced_together(tmp_path, monkeypatch):
