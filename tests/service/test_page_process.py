@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
 import os
@@ -20,6 +21,7 @@ from moar_companion.errors import InputError, LinkError
 from moar_companion.mavlink.commands import CommandResult
 from moar_companion.planner.maps import build_maps
 from moar_companion.planner.site import Site
+from moar_companion.service.page.page_channel import ServiceChannel
 from moar_companion.service.page_process import PageProcess, listen, read_token
 from moar_companion.settings.config import CompanionConfig, shipped_configs
 from moar_companion.settings.page_config import PageConfig
@@ -173,6 +175,25 @@ def test_a_page_that_takes_nothing_delays_no_cycle_and_goes_on_with_the_newest(l
         os.kill(loop.page.process_id, signal.SIGCONT)
         while number(viewer) <= made:
             pass
+
+
+def test_a_page_that_is_started_again_takes_no_answer_to_an_order_of_the_one_before():
+    async def order_id():
+        own, other = socket.socketpair()
+        channel = ServiceChannel(own)
+        running = asyncio.create_task(channel.run())
+        reader, writer = await asyncio.open_connection(sock=other)
+        await reader.readuntil(b"site_wanted")
+        ordering = asyncio.create_task(channel.order("hold", None))
+        await reader.readline()
+        line = await reader.readline()
+        ordering.cancel()
+        writer.close()
+        await running  # to the end of the channel
+        await writer.wait_closed()
+        return json.loads(line)["order"]["order_id"]
+
+    assert asyncio.run(order_id()) != asyncio.run(order_id())
 
 
 @pytest.mark.real_time

@@ -32,6 +32,11 @@ class LiveFeed:
         return self._viewers
 
     @property
+    def begun(self) -> bool:
+        """True after the first status."""
+        return bool(self._live.state)
+
+    @property
     def recorder(self) -> str | None:
         """Folder of the recording that is being written; None without one."""
         recorder: str | None = self._live.state.get("recorder")

@@ -15,6 +15,7 @@ import asyncio
 import contextlib
 import itertools
 import json
+import secrets
 import socket
 import time
 from dataclasses import dataclass
@@ -45,7 +46,8 @@ class ServiceChannel:
     def __init__(self, channel: socket.socket) -> None:
         self._socket = channel
         self._writer: asyncio.StreamWriter | None = None
-        self._numbers = itertools.count(1)
+        self._name, self._numbers = secrets.token_hex(4), itertools.count(1)
+        """A restarted process must not take the answer to an order of the one before."""
         self._answers: dict[str, asyncio.Queue[ServiceAnswer]] = {}
         self.feed = LiveFeed(self._note_watched)
         self.site: dict[str, Any] | None = None
@@ -69,7 +71,7 @@ class ServiceChannel:
 
     async def order(self, word: str, target: int | None) -> ServiceAnswer | None:
         """Gives an order; its last answer within a time, else the one so far; None without any."""
-        order_id = str(next(self._numbers))
+        order_id = f"{self._name}-{next(self._numbers)}"
         queue = self._answers[order_id] = asyncio.Queue()
         answer: ServiceAnswer | None = None
         end_s = time.monotonic() + _ANSWER_S

@@ -299,7 +299,9 @@ class _Page:
 
     async def remove(self, request: Request) -> Response:
         await self._check_token(request)
-        name = request.path_params["name"]
+        name, feed = request.path_params["name"], self._content.feed
+        if feed is not None and not feed.begun:
+            raise _RefusedError(503, "the present flight is unknown until the next status")
         if name == self._active:
             raise _RefusedError(409, "this flight is being recorded")
         if not await asyncio.to_thread(self._content.recordings.remove, name):

@@ -3,7 +3,7 @@ import { h, replaceWhen, setText } from "./dom.js";
 import { merged } from "./merge.js";
 import { authorization, confirmed, get, Newest, post, Refused } from "./server.js";
 import { StatusView } from "./status.js";
-import { clock, duration } from "./words.js";
+import { clock, duration, plain } from "./words.js";
 
 const RETRY_MS = 1000;
 const SILENT_S = 2;
@@ -185,7 +185,7 @@ export class LiveView {
     try {
       const found = await post("api/order", { order, target }, authorization());
       const reason = found.reason ? `: ${found.reason}` : "";
-      setText(this.answer, `Answer to ${order}: ${found.result.toLowerCase()}${reason}`);
+      setText(this.answer, `Answer to ${order}: ${plain(found.result.toLowerCase())}${reason}`);
     } catch (error) {
       setText(this.answer, `Not ordered: ${error.message}`);
     }

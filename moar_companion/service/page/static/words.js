@@ -64,7 +64,7 @@ export function headline(status) {
     case "planning":
       return `Planning${to}`;
     case "ready":
-      return `Ready for${to}: select ${mode}`;
+      return `Ready${to ? ` for${to}` : " to hold"}: select ${mode}`;
     case "overridden":
       return `Overridden: ${status.autopilot?.mode ?? "another mode"} has control`;
     case "released":
