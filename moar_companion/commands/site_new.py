@@ -48,15 +48,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--along",
         metavar="DEG",
         type=_direction,
-        help="compass direction of the line, either way: the plane stands across it",
+        help="compass direction in which you look along the line: the plane stands across it, and "
+        "x grows to the right",
     )
     new.add_argument(
         "--mark",
         metavar="X,Z",
         type=numbers("--mark", "X,Z", "metres"),
         help="take the place from the aircraft on --connect, which hovers or stands at rest there "
-        f"in the plane (0,0: on the ground below the axis): mean of {MEANS} means of its RTK "
-        "position",
+        f"in the plane (0,0: on the ground below the axis; x to the right along --along): "
+        f"mean of {MEANS} means of its RTK position",
     )
     new.add_argument("--connect", metavar="URL", help="of --mark: link to the autopilot")
     new.add_argument(
@@ -80,7 +81,10 @@ def run(arguments: argparse.Namespace) -> int:
         "--height", "height of the lowest conductor here, m", arguments.height, _height
     )
     along_deg = questions.ask(
-        "--along", "compass direction of the line, deg", arguments.along, _direction
+        "--along",
+        "compass direction in which you look along the line, x to the right, deg",
+        arguments.along,
+        _direction,
     )
     remarks, place_m = [], (0.0, 0.0)
     if arguments.mark is None:
@@ -107,7 +111,8 @@ def run(arguments: argparse.Namespace) -> int:
         standoff_m=arguments.standoff,
         keep_out_m=arguments.keep_out,
     )
-    document = typical_site(line, frame_through(place_m, at, along_deg), lowest_m, options)
+    frame = frame_through(place_m, at, along_deg)
+    document = typical_site(line, frame, lowest_m, options)
     text = site_text(
         document,
         [
@@ -120,6 +125,7 @@ def run(arguments: argparse.Namespace) -> int:
     failure = write_output("--out", out, partial(write_text, text))
     print_text(
         f"{line.text}; spacings: {line.source}\n"
+        f"x grows towards {frame.azimuth_deg:g} degrees of the compass\n"
         "not surveyed: measure your conductors before a flight\n" + next_step(out)
     )
     return finished([failure], out)

@@ -15,6 +15,7 @@ from moar_companion.perception.survey.typical_lines import (
     typical_site,
 )
 from moar_companion.planner.site import Conductor, Site
+from moar_companion.planner.site_frame import SiteFrame
 from moar_companion.settings.config import shipped_configs
 from moar_companion.types import GeodeticPoint, Mission
 from tests.one_line import one_line
@@ -62,9 +63,19 @@ def test_the_spacings_are_those_of_the_shipped_sites(name, shipped):
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("along_deg", "east_m", "north_m"), [(0, 10, 0), (90, 0, -10), (180, -10, 0)]
+)
+def test_x_grows_to_the_right_of_who_looks_along_the_line(along_deg, east_m, north_m):
+    right = frame_through((0.0, 0.0), AT, along_deg).to_geodetic((10.0, 0.0, 0.0))
+    to_the_east = SiteFrame(origin=AT, azimuth_deg=90.0)
+    found = to_the_east.place_of(right.latitude_deg, right.longitude_deg)
+    assert found == pytest.approx((east_m, north_m), abs=1e-3)
+
+
 def test_the_marked_point_of_the_plane_is_where_it_was_marked():
     frame = frame_through((7.0, 12.0), AT, 200.0)
-    assert frame.azimuth_deg == pytest.approx(110.0)
+    assert frame.azimuth_deg == pytest.approx(290.0)
     point = frame.to_geodetic((7.0, 0.0, 12.0))
     assert point.altitude_amsl_m == pytest.approx(AT.altitude_amsl_m)
     x_m, y_m = frame.place_of(AT.latitude_deg, AT.longitude_deg)

@@ -88,9 +88,9 @@ TYPICAL_LINES = {
 def frame_through(place_m: PlanePoint, at: GeodeticPoint, along_deg: float) -> SiteFrame:
     """Frame of the plane across a line, in which a geodetic point is at (x, z).
 
-    along_deg: compass direction of the line, either way; the azimuth of +x is in [0, 180).
+    along_deg: compass direction in which one looks along the line; +x is to the right.
     """
-    there = SiteFrame(origin=at, azimuth_deg=(along_deg + 90.0) % 180.0)
+    there = SiteFrame(origin=at, azimuth_deg=(along_deg + 90.0) % 360.0)
     x_m, z_m = place_m
     origin = there.to_geodetic((-x_m, 0.0, -z_m))
     return SiteFrame(origin=origin, azimuth_deg=there.azimuth_deg)
