@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
+from PIL.JpegImagePlugin import JpegImageFile
 
 from ..analysis.inspection_report.picture_match import PictureFile, exif_time_s
 
@@ -46,7 +47,7 @@ def thumbnail_base64(path: Path) -> str | None:
     try:
         with Image.open(path) as picture:
             picture.draft("RGB", _THUMBNAIL_PX)
-            small = ImageOps.exif_transpose(picture).convert("RGB")
+            small = _upright(picture).convert("RGB")
             small.thumbnail(_THUMBNAIL_PX)
             content = io.BytesIO()
             small.save(content, "JPEG", quality=_QUALITY)
@@ -55,10 +56,18 @@ def thumbnail_base64(path: Path) -> str | None:
     return base64.b64encode(content.getvalue()).decode()
 
 
+def _upright(picture: Image.Image) -> Image.Image:
+    try:
+        return ImageOps.exif_transpose(picture)
+    except Exception:  # noqa: BLE001 - Pillow raises many of EXIF that is odd
+        return picture
+
+
 def write_copy(path: Path, copy: Path, row: Mapping[str, Any]) -> bool:
     """Writes a copy with the row's place, direction and time; False for an unsound picture.
 
-    Raises OSError where the copy cannot be written.
+    EXIF that Pillow cannot write again is left out. Raises OSError where the copy cannot be
+    written.
     """
     try:
         picture = Image.open(path)
@@ -66,11 +75,23 @@ def write_copy(path: Path, copy: Path, row: Mapping[str, Any]) -> bool:
     except _UNREADABLE:
         return False
     with picture:
-        exif = picture.getexif()
-        _note(exif, row)
-        keeps = {"quality": "keep"} if picture.format == "JPEG" else {}
-        picture.save(copy, format=picture.format, exif=exif, **keeps)
+        if isinstance(picture, JpegImageFile):
+            picture.format = "JPEG"  # also of an MPO, which has its preview as a second picture
+        try:
+            content = _content(picture, picture.getexif(), row)
+        except Exception:  # noqa: BLE001 - Pillow raises many of EXIF that is odd
+            content = _content(picture, Image.Exif(), row)
+    copy.write_bytes(content)
     return True
+
+
+def _content(picture: Image.Image, exif: Image.Exif, row: Mapping[str, Any]) -> bytes:
+    """The file of a picture with this EXIF, and place, direction and time of the row."""
+    _note(exif, row)
+    keeps = {"quality": "keep"} if picture.format == "JPEG" else {}
+    content = io.BytesIO()
+    picture.save(content, format=picture.format, exif=exif, **keeps)
+    return content.getvalue()
 
 
 def _note(exif: Image.Exif, row: Mapping[str, Any]) -> None:

@@ -17,7 +17,7 @@ from moar_companion.analysis.inspection_report.picture_match import (
     matched,
 )
 from moar_companion.analysis.inspection_report.report_page import Thumbnail, report_page
-from moar_companion.commands import cli
+from moar_companion.commands import cli, picture_files
 from moar_companion.planner.site import Polygon, Site
 from moar_companion.service.recording.calls import START, Call, Start, call_encoded
 from moar_companion.service.recording.schemas import CALLS
@@ -316,6 +316,30 @@ def test_a_report_shows_the_pictures_and_copies_them_with_their_place(tmp_path, 
     taken = exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal]
     assert taken == "2026:11:18 11:06:53"
     assert exif[ExifTags.Base.ImageDescription] == "splice-outer, view 1"
+
+
+def test_a_copy_keeps_the_picture_of_each_kind_of_jpeg(tmp_path):
+    noise = Image.effect_noise((320, 240), 80.0).convert("RGB")
+    for name, options in (("JPEG", {}), ("MPO", {"save_all": True, "append_images": [noise]})):
+        original, copy = tmp_path / f"{name}.jpg", tmp_path / f"{name}-copy.jpg"
+        noise.save(original, name, quality=95, **options)
+        assert picture_files.write_copy(original, copy, SHOTS[0])
+        with Image.open(original) as before, Image.open(copy) as after:
+            assert before.quantization == after.quantization
+
+
+def test_odd_exif_of_a_camera_is_left_out(tmp_path):
+    exif = Image.Exif()
+    exif[ExifTags.Base.Make] = "camera"
+    exif.get_ifd(ExifTags.IFD.GPSInfo)[1] = "N"
+    original, copy = tmp_path / "a.jpg", tmp_path / "b.jpg"
+    Image.new("RGB", (8, 8)).save(original, exif=exif)
+    make, width = b"\x01\x0f\x00\x02", b"\x01\x00\x00\x02"
+    original.write_bytes(original.read_bytes().replace(make, width))
+    assert picture_files.thumbnail_base64(original)
+    assert picture_files.write_copy(original, copy, SHOTS[0])
+    with Image.open(copy) as picture:
+        assert picture.getexif().get_ifd(ExifTags.IFD.GPSInfo)[2] == (45.0, 30.0, 0.0)
 
 
 def test_a_report_takes_the_record_beside_the_recording(tmp_path, capsys):
