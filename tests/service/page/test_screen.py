@@ -313,6 +313,21 @@ def answered(tab):
     tab.evaluate("() => fetch('api/page').then((response) => response.text())")
 
 
+def test_of_a_long_flight_the_newest_places_are_kept(live, state_in):
+    state = state_in("flying")
+    places = live.evaluate(
+        """async (state) => {
+            const { LiveView } = await import("/static/live.js");
+            const view = new LiveView({ orders: false }, () => {}, () => {});
+            view.readSite = () => {};
+            view.receive({ all: state, flown: Array.from({ length: 5000 }, (_, x) => [x, 0, 0]) });
+            return [view.flown.length, view.flown[0], view.flown.at(-1)];
+        }""",
+        state,
+    )
+    assert places == [5000, [1, 0, 0], pytest.approx(state["aircraft"]["position_m"])]
+
+
 def test_what_is_live_does_not_wait_for_the_planner(browser, page):
     with opened(browser, "about:blank") as tab:
         tab.route("**/api/what-if", lambda _: None)

@@ -11,6 +11,8 @@ const SILENT_S = 2;
 const LOST_S = 6;
 const ESCAPES_PERIOD_MS = 3000;
 const APART_M = 0.1;
+/** Points of the flown path, as the service keeps them. */
+const MOST_FLOWN = 5000;
 /** Status of an answer to a request that one of another tab has replaced. */
 const SUPERSEDED = 429;
 
@@ -126,6 +128,7 @@ export class LiveView {
     const position = this.state.aircraft.position_m;
     const last = this.flown.at(-1);
     if (position && this.state.aircraft.landed !== "on_ground" && (!last || Math.hypot(position[0] - last[0], position[2] - last[2]) > APART_M)) this.flown.push(position);
+    if (this.flown.length > MOST_FLOWN) this.flown.shift();
     const planned = this.state.plan?.paths;
     const changed = planned !== this.planned;
     this.planned = planned;
