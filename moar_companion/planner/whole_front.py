@@ -14,8 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+import scipy  # its parts are loaded at their first use
 
 from ..types import Weights
 from .arrays import Criterion, Labels
@@ -254,14 +253,14 @@ def _additive(
         before.append(target)
         after.append(source)
         cost.append(step[target, move - 1])
-    edges = coo_array(
+    edges = scipy.sparse.coo_array(
         (
             np.concatenate(cost) + _NOT_MISSING,
             (np.concatenate(before), np.concatenate(after)),
         ),
         shape=(cells + 1, cells + 1),
     )
-    to_go = dijkstra(edges.tocsr(), indices=cells)[:cells]
+    to_go = scipy.sparse.csgraph.dijkstra(edges.tocsr(), indices=cells)[:cells]
     return Criterion(step, np.repeat(to_go[:, None], moves, axis=1), behind, 0.0)
 
 

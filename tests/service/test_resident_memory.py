@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from moar_companion.service.resident_memory import unwritten
 
 from ..processes import output_of
@@ -47,10 +49,8 @@ def test_only_memory_that_the_file_still_holds_is_released():
     assert list(unwritten([], "libllvmlite.so")) == []
 
 
-COMPILER = """
+RESIDENT = """
 from pathlib import Path
-from moar_companion.planner import search
-from moar_companion.service.resident_memory import release_compiler
 
 def resident_mb(name):
     resident_kb, counted = 0, False
@@ -61,6 +61,10 @@ def resident_mb(name):
         elif counted and words[0] == "Rss:":
             resident_kb += int(words[1])
     return resident_kb / 1024
+"""
+COMPILER = f"""{RESIDENT}
+from moar_companion.planner import search
+from moar_companion.service.resident_memory import release_compiler
 
 search.follow.ready
 print(resident_mb("libllvmlite.so"))
@@ -74,6 +78,37 @@ def test_the_compiler_leaves_the_memory_and_kernels_still_load():
     before_mb, after_mb = map(float, output_of(COMPILER).split())
     assert before_mb > 30.0
     assert after_mb < 10.0
+
+
+PAGE = f"""{RESIDENT}
+import sys
+from moar_companion.commands.page_worker import content_of
+from moar_companion.service.page.live_feed import LiveFeed
+from moar_companion.settings.config import shipped_configs
+
+class Channel:
+    site, feed, order = None, LiveFeed(lambda watched: None), None
+
+setup = {{
+    "site": str(shipped_configs() / "sites" / "315kv_double_circuit.yaml"),
+    "vehicle": str(shipped_configs() / "vehicles" / "x500.yaml"),
+    "margin_m": (1.0, 0.5),
+    "about": {{}}, "token": None, "recordings": None, "allowed_hosts": (), "tile_url": None,
+}}
+plans = content_of(setup, Channel()).make_what_if()
+print(resident_mb("libllvmlite.so"), "scipy.sparse" in sys.modules)
+answer = plans.answer({{"parts": ["alternatives"]}})
+print(len(answer["alternatives"]), "scipy.sparse" in sys.modules)
+print(plans.answer({{"parts": ["maps", "baselines"]}})["plan"]["status"])
+"""
+
+
+@pytest.mark.slow
+def test_a_page_that_plans_keeps_no_compiler_and_loads_what_its_viewers_ask_for():
+    compiler_mb, loaded, count, still, status = output_of(PAGE).split()
+    assert float(compiler_mb) < 10.0
+    assert (loaded, still, status) == ("False", "False", "found")
+    assert int(count) > 1
 
 
 DESCRIPTIONS = """

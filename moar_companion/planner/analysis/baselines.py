@@ -11,8 +11,7 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+import scipy  # its parts are loaded at their first use
 
 from ..geometry import obstacle_distance_m
 from ..graph import Graph
@@ -151,7 +150,7 @@ def _longer(maps: Maps, clearest: bool) -> FloatArray:
 
 def _steps(
     graph: Graph, usable: BoolArray, longer: FloatArray | None = None
-) -> csr_array[np.float64]:
+) -> scipy.sparse.csr_array[np.float64]:
     """The lengths of all legal moves between usable cells, over padded flat indices.
 
     longer: relative additions by arrival cell, (nx, nz).
@@ -168,10 +167,12 @@ def _steps(
         length = np.full(len(cells), graph.length_m[heading])
         lengths.append(length if factor is None else length * factor[columns[-1]])
     entries = (np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns)))
-    return coo_array(entries, shape=(len(inside), len(inside))).tocsr()
+    return scipy.sparse.coo_array(entries, shape=(len(inside), len(inside))).tocsr()
 
 
-def _shortest(steps: csr_array[np.float64], start: int, goals: IntArray) -> list[int] | None:
+def _shortest(
+    steps: scipy.sparse.csr_array[np.float64], start: int, goals: IntArray
+) -> list[int] | None:
     """The shortest path of cells from a start to the nearest goal; None if there is none."""
     length, before = _search(steps, np.array([start]))
     goal = int(goals[np.argmin(length[goals])])
@@ -189,7 +190,7 @@ def _along(
     anywhere, on_roadmap = _steps(graph, free), _steps(graph, roadmap)
     from_start, before = _search(anywhere, np.array([start]))
     to_goal, _ = _search(anywhere, goals)
-    _, piece = connected_components(on_roadmap, directed=False)
+    _, piece = scipy.sparse.csgraph.connected_components(on_roadmap, directed=False)
     cells = np.flatnonzero(np.asarray(graph.grid.padded(roadmap, 0)))
     both = _least_by_piece(from_start, piece, cells) + _least_by_piece(to_goal, piece, cells)
     if not np.isfinite(both).any():
@@ -200,7 +201,9 @@ def _along(
     # Cell 0 is padding. From it a step leads to every cell of the roadmap. Steps to cells farther
     # along the roadmap are longer, by so little that they only choose among equal connectors.
     onto = (_TIE * (1.0 + length[members]), (np.zeros_like(members), members))
-    connector, onwards = _search((anywhere + coo_array(onto, shape=anywhere.shape)).tocsr(), _PAD)
+    connector, onwards = _search(
+        (anywhere + scipy.sparse.coo_array(onto, shape=anywhere.shape)).tocsr(), _PAD
+    )
     joined = goals[np.isfinite(connector[goals])]
     connectors = [_chain(onwards, int(goal))[-2::-1] for goal in joined]
     total = connector[joined] + [length[cells[0]] for cells in connectors]
@@ -212,9 +215,13 @@ def _along(
     return path[: int(arrived[0]) + 1]
 
 
-def _search(steps: csr_array[np.float64], sources: IntArray) -> tuple[FloatArray, IntArray]:
+def _search(
+    steps: scipy.sparse.csr_array[np.float64], sources: IntArray
+) -> tuple[FloatArray, IntArray]:
     """For every cell the length from the nearest source, and the cell before it on the path."""
-    length, previous, _ = dijkstra(steps, indices=sources, return_predecessors=True, min_only=True)
+    length, previous, _ = scipy.sparse.csgraph.dijkstra(
+        steps, indices=sources, return_predecessors=True, min_only=True
+    )
     return length, previous
 
 
