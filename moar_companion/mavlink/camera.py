@@ -49,6 +49,8 @@ _ASKS = 3
 _ASK_PERIOD_S = 0.7
 _TRIES = 3
 """Pictures that are taken for one that is confirmed."""
+_VIDEO_S = 15.0
+"""Longest wait for the start of a video."""
 _LAST_UTC_US = 4_102_444_800_000_000
 """The year 2100: a greater `time_utc` is no time, or in another unit."""
 _BUSY_PERIOD_S = 1.0
@@ -260,7 +262,9 @@ class CameraClient:
         messages = self._picture_due(now_s)
         if self._video is not None:
             messages += self._video.due(now_s)
-            if self.video is Capture.PENDING and self._video.unanswered(now_s):
+            since_s = now_s if self._video.first_s is None else self._video.first_s
+            silent = self._video.unanswered(now_s) or now_s >= since_s + _VIDEO_S
+            if self.video is Capture.PENDING and silent:
                 self.video, self.failure = Capture.FAILED, pilot_texts.CAMERA_SILENT()
         self._commands = [item for item in self._commands if not item.unanswered(now_s)]
         for command in self._commands:
@@ -281,10 +285,12 @@ class CameraClient:
         if self._asked is None or self._asked.target != ids:
             self._asked, self._searches = self._information_request(ids), 1
         asked = self._asked
-        lost = asked.result is CommandResult.ACCEPTED and now_s >= asked.answered_s + _ASK_PERIOD_S
-        if lost and self._searches < _ASKS:
+        # A denial may be that of another message: the autopilot answers alike to all requests.
+        answered = asked.result not in {None, CommandResult.IN_PROGRESS}
+        late = answered and now_s >= asked.answered_s + _ASK_PERIOD_S
+        if late and asked.result is CommandResult.ACCEPTED and self._searches < _ASKS:
             self._asked, self._searches = self._information_request(ids), self._searches + 1
-        elif lost or asked.unanswered(now_s) or asked.result not in {None, CommandResult.ACCEPTED}:
+        elif late or asked.unanswered(now_s):
             self._is_guess = True
             of_autopilot = ids == autopilot[1]
             name = "camera trigger" if of_autopilot else f"camera {ids[1]}"

@@ -278,10 +278,13 @@ class GimbalClient:
 
     @staticmethod
     def _is_denied(asked: SentCommand, now_s: float) -> bool:
-        """True if no information will come: denied, silent, or accepted and lost."""
-        if asked.result is CommandResult.ACCEPTED:
-            return now_s >= asked.answered_s + _ASK_PERIOD_S
-        return asked.result is not None or asked.unanswered(now_s)
+        """True if no information will come: denied, silent, or accepted and lost.
+
+        A denial may be that of another message: the autopilot answers alike to all requests.
+        """
+        if asked.result in {None, CommandResult.IN_PROGRESS}:
+            return asked.unanswered(now_s)
+        return now_s >= asked.answered_s + _ASK_PERIOD_S
 
     def _configuration(self, system: float, component: float) -> SentCommand:
         assert self.manager is not None

@@ -33,8 +33,10 @@ class OnBoard:
         self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
         self._parser = mavlink.MAVLink(None)
         self.autopilot_answers = {}
-        """Result by command, and messages that follow it."""
+        """Result by command, or by command and first parameter, and messages that follow it."""
         self.images = []
+        self.follows_s, self.follow = 0.0, []
+        """Time in which the autopilot's messages follow its answer, and those still to come."""
 
     def want(self):
         self.camera.want(self.now_s)
@@ -57,6 +59,8 @@ class OnBoard:
         for data in self.payload.step(truth):
             for message in self._parser.parse_buffer(bytearray(data)) or []:
                 self.hear(message)
+        while self.follow and self.follow[0][0] <= self.now_s:
+            self.from_autopilot(self.follow.pop(0)[1])
         due = (
             *self.camera.due(AUTOPILOT, self.now_s),
             *self.gimbal.due(AUTOPILOT, OURS, self.now_s),
@@ -78,9 +82,14 @@ class OnBoard:
         self.hear(message)
 
     def _answer(self, command):
-        if command.command not in self.autopilot_answers:
+        asked = (command.command, command.param1)
+        known = self.autopilot_answers.get(asked) or self.autopilot_answers.get(command.command)
+        if known is None:
             return
-        result, *messages = self.autopilot_answers[command.command]
+        result, *messages = known
+        if self.follows_s:
+            self.follow += [(self.now_s + self.follows_s, message) for message in messages]
+            messages = []
         ack = mavlink.MAVLink_command_ack_message(command.command, result, 0, 0, *OURS)
         for message in (ack, *messages):
             self.from_autopilot(message)

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.mavlink.camera import Capture
 
-from .on_board import OnBoard
+from .on_board import OURS, OnBoard
 
 START, DIGICAM = mavlink.MAV_CMD_IMAGE_START_CAPTURE, mavlink.MAV_CMD_DO_DIGICAM_CONTROL
 
@@ -215,6 +215,32 @@ def test_ardupilots_camera_is_the_autopilots_and_confirms_by_camera_feedback():
     assert rig.camera.camera.field_of_view_rad is None
     assert take(rig, 1.0) is Capture.DONE
     assert [image.number for image in rig.images] == [7]
+
+
+def test_an_answer_to_another_request_hides_no_camera():
+    """The autopilot answers alike to requests of any message: here the gimbal's is refused."""
+    rig = without_component()
+    request = mavlink.MAV_CMD_REQUEST_MESSAGE
+    rig.want()
+    rig.run(2.6)
+    rig.from_autopilot(mavlink.MAVLink_command_ack_message(request, 3, 0, 0, *OURS))
+    rig.run(0.3)
+    rig.from_autopilot(information())
+    rig.run(1.0)
+    assert not rig.camera.camera.by_digicam
+
+
+def test_a_video_that_never_begins_fails():
+    rig = found()
+    rig.payload.receive = bytearray  # nothing arrives
+    rig.camera.start_video()
+    start = mavlink.MAV_CMD_VIDEO_START_CAPTURE
+    for _ in range(20):
+        rig.run(1.0)
+        progress = mavlink.MAVLink_command_ack_message(start, 5, 0, 0, *OURS)
+        progress.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=100))
+        rig.hear(progress)
+    assert (rig.camera.video, rig.camera.failure) == (Capture.FAILED, "camera does not answer")
 
 
 def test_px4s_camera_trigger_answers_do_digicam_control_alone():

@@ -121,6 +121,22 @@ def on_autopilot():
     return rig
 
 
+def test_an_answer_to_another_request_hides_no_gimbal():
+    """The autopilot answers alike to requests of any message: here the camera's is refused."""
+    rig = OnBoard(gimbal=False)
+    rig.payload.faults.camera_silent = True
+    manager = mavlink.MAVLink_gimbal_manager_information_message(0, 0, 1, *[0.0] * 6)
+    request = mavlink.MAV_CMD_REQUEST_MESSAGE
+    rig.autopilot_answers = {
+        (request, mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION): (3,),
+        (request, mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION): (0, manager),
+    }
+    rig.follows_s = 0.3
+    rig.want()
+    rig.run(6.0)
+    assert rig.gimbal.manager == ("udp:x", (1, 1))
+
+
 def test_the_frame_of_the_yaw_is_that_of_the_flags_else_that_of_the_lock():
     rig = on_autopilot()
     q = [math.cos(0.5), 0.0, 0.0, math.sin(0.5)]
