@@ -11,8 +11,6 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
-from ..settings.input_file import open_file, unreadable
 from ..settings.page_config import DEFAULT_HOST, DEFAULT_PORT
 from .options import add_file, file_name, number, refused
 from .outputs import print_text, report_compiling
@@ -80,14 +78,14 @@ async def _serve_until_signal(content: PageContent, listener: socket.socket) -> 
 def what_if_of(site_file: str, vehicle: Vehicle, margin: Margin) -> WhatIf:
     """What-if on a site file. Raises InputError for a file that cannot be used."""
     from ..analysis.what_if import WhatIf  # noqa: PLC0415
+    from ..settings.yaml_file import text_of  # noqa: PLC0415
 
-    try:
-        with open_file(site_file) as file:
-            text = file.read().decode()
-    except (OSError, ValueError) as error:
-        raise InputError(site_file, "", unreadable(error)) from error
     return WhatIf(
-        text=text, source=site_file, vehicle=vehicle, margin=margin, clock=time.perf_counter
+        text=text_of(site_file),
+        source=site_file,
+        vehicle=vehicle,
+        margin=margin,
+        clock=time.perf_counter,
     )
 
 

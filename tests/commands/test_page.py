@@ -121,6 +121,12 @@ def test_a_wrong_file_or_option_is_one_line(refused, words, line):
     assert re.search(line, refused(*words))
 
 
+def test_a_site_file_that_is_no_text_is_one_line(refused, tmp_path):
+    site = tmp_path / "site.yaml"
+    site.write_bytes(b"\xff\xfe")
+    assert re.search(r"site\.yaml: is not UTF-8 text \(byte 0\)", refused(site))
+
+
 def test_a_port_in_use_is_one_line(capsys):
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
