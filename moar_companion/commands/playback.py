@@ -197,10 +197,12 @@ class McapPlayback:
         for place in self._chunks[bisect.bisect_left(ends_s, low_s) :]:
             if place.first_s > high_s:
                 return
-            with open_file(place.path) as file:
-                file.seek(place.offset)
-                records = StreamReader(file, skip_magic=True, emit_chunks=True).records
-                chunk = next(records)
+            try:
+                with open_file(place.path) as file:
+                    file.seek(place.offset)
+                    chunk = next(StreamReader(file, skip_magic=True, emit_chunks=True).records)
+            except OSError as error:  # it was removed meanwhile
+                raise InputError(str(place.path), "", unreadable(error)) from error
             assert isinstance(chunk, Chunk)
             for message in _messages(chunk, self._topics[place.path]):
                 if low_s <= message[1] <= high_s:

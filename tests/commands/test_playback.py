@@ -148,6 +148,14 @@ def test_messages_of_another_version_are_left_out_and_the_others_are_played(tmp_
     assert (playback.site(), playback.vehicle) == (None, None)
 
 
+def test_a_recording_that_is_removed_meanwhile_is_one_line(tmp_path):
+    path = mcap(tmp_path, (CALLS, b'{"calls": []}'), ("/mission", b'{"state": "idle"}'))
+    playback = McapPlayback(path)
+    path.unlink()
+    with pytest.raises(InputError, match=r"flight\.mcap: no such file"):
+        playback.frames(0.0, 1.0)
+
+
 def mcap(folder, *messages):
     """An .mcap with messages, (topic, content), a second apart and each in a chunk of its own."""
     path = folder / "flight.mcap"

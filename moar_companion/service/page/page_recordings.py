@@ -45,7 +45,7 @@ class PageRecordings:
             return False
         for path in flight.iterdir():
             if is_recorded(path):
-                path.unlink()
+                path.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # a person's own file in it stays
             flight.rmdir()
         return True
@@ -63,11 +63,11 @@ def _flight(name: str, files: list[dict[str, Any]], active: str | None) -> dict[
 
 
 def _files(folder: Path) -> list[dict[str, Any]]:
-    return [
-        {"name": path.name, "bytes": path.stat().st_size}
-        for path in _content(folder)
-        if is_recorded(path)
-    ]
+    files = []
+    for path in filter(is_recorded, _content(folder)):
+        with contextlib.suppress(FileNotFoundError):  # the recorder makes room meanwhile
+            files.append({"name": path.name, "bytes": path.stat().st_size})
+    return files
 
 
 def _content(folder: Path) -> list[Path]:

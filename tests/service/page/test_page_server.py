@@ -441,6 +441,21 @@ def test_recordings_are_listed_newest_first_with_what_the_recorder_has_named(pag
     assert flights[0]["bytes"] == sum(file["bytes"] for file in flights[0]["files"])
 
 
+def test_a_file_that_the_recorder_removes_meanwhile_is_not_listed(folder, monkeypatch):
+    def recorded_until_now(path):
+        if path.name == "flight.mcap":
+            path.unlink()
+        return path.suffix in {".mcap", ".jsonl"}
+
+    recordings = PageRecordings(folder)
+    name = "moar_companion.service.page.page_recordings.is_recorded"
+    monkeypatch.setattr(name, recorded_until_now)
+    files = [[file["name"] for file in flight["files"]] for flight in recordings.flights(None)]
+    assert files == [["decisions.jsonl"], ["decisions.jsonl"]]
+    monkeypatch.setattr(name, lambda path: not path.unlink())
+    assert recordings.remove(OTHER)
+
+
 def test_a_file_is_downloaded_whole_or_in_part(page):
     path = f"/api/recordings/{OTHER}/flight.mcap"
     content = b"mcap of " + OTHER.encode()
