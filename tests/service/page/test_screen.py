@@ -189,6 +189,34 @@ def test_a_condition_stands_first_with_value_and_action(live, page, flight, stat
     assert "Holds" in card.inner_text()
 
 
+def test_a_high_risk_without_a_condition_is_one_verdict_with_its_cause(
+    live, page, flight, state_in
+):
+    state = state_in("flying")
+    assert state["supervision"]["conditions"] == []
+    gusts = {"name": "gusts", "reading": "9.1 m/s"}
+    risk = {name: index | {"value": 0.1, "known": True} for name, index in state["risk"].items()}
+    risk["wind"] |= {"value": 0.9, "target": 0.9, "worst": "gusts", "inputs": [gusts]}
+    risk["battery"] |= {"known": False}
+    # After the period of the sections that come twice a second.
+    status = state | {"risk": risk}
+    page.call(lambda: flight.feed.update(status, time.monotonic() + 1.0, site_revision=1))
+    words = (
+        "No limit is exceeded. Wind risk is high: gusts 9.1 m/s. No data for the risk of battery."
+    )
+    live.get_by_text(words, exact=True).wait_for()
+    assert live.locator(".conditions li").count() == 1
+    battery = live.locator("details.risk", has_text="Battery")
+    assert battery.locator(".value").inner_text() == "no data"
+
+
+def test_a_held_aircraft_that_still_moves_brakes(live, page, flight, state_in):
+    state = state_in("holding")
+    moving = state["aircraft"] | {"speed_mps": 1.5}
+    flight.show(page, state | {"aircraft": moving})
+    live.get_by_role("heading", name="braking: 1.5 m/s").wait_for()
+
+
 def test_the_last_refused_setpoint_is_said_with_its_limit_and_its_age(live, page, flight, state_in):
     row = live.locator("dt:text-is('Last refused setpoint') + dd")
     assert row.inner_text() == "none so far"
@@ -232,13 +260,13 @@ def test_every_order_has_a_button(live, page, flight, state_in):
     live.evaluate("token => sessionStorage.setItem('moar-token', token)", TOKEN)
     flight.answer = ServiceAnswer(result="DENIED", final=True, reason="no path")
     flight.show(page, state_in("holding"))
-    live.get_by_label("Target of the inspection").select_option("splice-inner")
+    live.get_by_label("Target to inspect").select_option("splice-inner")
     for button, order in (
         ("Continue", "continue"),
         ("Inspect", "inspection"),
         ("Exit", "exit"),
         ("Evacuate", "evacuation"),
-        ("Release", "release"),
+        ("Release control", "release"),
     ):
         live.get_by_role("button", name=button, exact=True).click()
         live.locator("#confirm-ok").click()
@@ -251,6 +279,19 @@ def test_every_order_has_a_button(live, page, flight, state_in):
         "release",
     ]
     assert flight.orders[1][1] is not None
+
+
+def test_each_order_is_in_sight_on_a_phone(browser, page):
+    with opened(browser, f"http://{page.host}/#live", size="phone") as tab:
+        tab.get_by_text(re.compile("^Live, ")).wait_for()
+        buttons = tab.locator(".orders button")
+        boxes = [buttons.nth(index).bounding_box() for index in range(buttons.count())]
+        assert len(boxes) == 6
+        width, height = SIZES["phone"]
+        for box in boxes:
+            assert box["x"] >= 0.0
+            assert box["x"] + box["width"] <= width
+            assert box["y"] + box["height"] <= height
 
 
 @pytest.mark.parametrize("name", ["planning", "ready", "overridden", "holding", "idle"])
@@ -336,7 +377,7 @@ def test_what_is_live_does_not_wait_for_the_planner(browser, page):
 
 
 def test_a_chosen_target_stays_when_the_site_changes(live, page, flight, state_in):
-    target = live.get_by_label("Target of the inspection")
+    target = live.get_by_label("Target to inspect")
     target.select_option("splice-inner")
     with live.expect_response("**/api/site"):
         state = state_in("flying")

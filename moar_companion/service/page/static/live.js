@@ -53,6 +53,7 @@ export class LiveView {
     this.view = new StatusView();
     this.orders = h("div", { class: "orders", role: "group", "aria-label": "Orders" });
     this.answer = h("p", { class: "answer", role: "status" });
+    this.choice = h("label", { class: "choice" }, "Target to inspect ");
     this.view.below.append(this.orders);
     this.element = this.view.element;
     this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view.setEscapes(found.alternatives), (error) => error.status === SUPERSEDED || this.view.setEscapes([]));
@@ -156,18 +157,21 @@ export class LiveView {
 
   makeOrders() {
     const button = (words, attributes, act) => h("button", { type: "button", ...attributes, onclick: act }, words);
-    this.target = h("select", { "aria-label": "Target of the inspection" });
+    this.target = h("select");
+    this.choice.append(this.target);
     this.hold = button("Hold", { class: "hold" }, () => this.order("hold", null, "Hold here?", "The aircraft stops and holds its position."));
     this.go = button("Continue", {}, () => this.order("continue", null, "Continue the mission?", "The aircraft flies on along its path."));
     const others = [
       button("Inspect", {}, () => this.order("inspection", this.target.value || null, `Inspect ${this.target.value || "every target"}?`, "A path to the target is planned and flown.")),
-      this.target,
       button("Exit", {}, () => this.order("exit", null, "Exit?", "The aircraft leaves the site for a landing point, with the weights of the exit.")),
       button("Evacuate", {}, () => this.order("evacuation", null, "Evacuate?", "The aircraft leaves the site for the nearest landing point on the safest path.")),
-      button("Release", {}, () => this.order("release", null, "Release control?", "The companion sends no more setpoints. The autopilot acts as its own parameters say.")),
+      button("Release control", {}, () => this.order("release", null, "Release control?", "The companion sends no more setpoints. The autopilot acts as its own parameters say.")),
     ];
     this.buttons = [this.hold, this.go, ...others];
-    if (this.page.orders) this.orders.append(...this.buttons, this.answer);
+    if (this.page.orders) {
+      this.orders.append(this.answer, ...this.buttons);
+      this.view.below.prepend(this.choice);
+    }
     else this.orders.append(h("p", { class: "muted" }, "This page shows; it gives no orders. To take over, select any other flight mode."));
   }
 

@@ -6,7 +6,7 @@ import { PlaybackView } from "./playback.js";
 import { get, takeToken } from "./server.js";
 import { WhatIfView } from "./what_if.js";
 
-const THEMES = { auto: "Auto", light: "Light", dark: "Dark" };
+const THEMES = { auto: "as the system", light: "light", dark: "dark" };
 const KEY = "moar-theme";
 const system = matchMedia("(prefers-color-scheme: dark)");
 const FIRST = { service: "live", site: "what-if", recording: "recordings" };
@@ -17,7 +17,8 @@ let view = null;
 function applyTheme(choice) {
   const dark = choice === "dark" || (choice === "auto" && system.matches);
   document.documentElement.dataset.theme = dark ? "dark" : "light";
-  setText(document.querySelector("#theme span"), THEMES[choice]);
+  const button = document.getElementById("theme");
+  for (const name of ["title", "aria-label"]) setAttribute(button, name, `Theme: ${THEMES[choice]}`);
   for (const each of [view?.plane, view?.view?.plane]) each?.recolour();
 }
 

@@ -8,6 +8,8 @@ import { actionWords, actsWords, autopilotName, capital, controlWords, duration,
 const LOW = 0.05;
 /** What is lost, in pilots' words; both agents' actions for one loss share a row. */
 const LOSSES = { "ground station": "Ground station", "GCS loss": "Ground station", "RC loss": "Remote control", "GPS loss": "GPS", "companion loss": "Companion" };
+/** The losses of a link, which come first. */
+const LINKS = ["Ground station", "Remote control", "Companion"];
 /** Losses of which no action of the autopilot is worth no row. */
 const QUIET = /battery$|^GCS/;
 const RISKS = ["wind", "communication", "localization", "battery"];
@@ -53,6 +55,7 @@ export class StatusView {
     this.weightWords = h("div");
     this.energy = new EnergyCard();
     this.losses = h("dl", { class: "rows" });
+    this.otherLosses = h("dl", { class: "rows others" });
     this.rows = h("dl", { class: "rows" });
     this.lead = h("section", { class: "lead", "aria-labelledby": "headline" }, this.title, this.figures, h("p", { class: "last-text" }, this.control, " ", this.lastText));
     this.below = h("div", { class: "below" });
@@ -66,9 +69,9 @@ export class StatusView {
         { class: "side", role: "region", "aria-label": "Explanation", tabindex: "0" },
         this.conditionsCard,
         card("Why this path", this.why),
-        card("If a link is lost", this.losses),
-        card("Risks, 0 to 1", ...RISKS.map((name) => this.risks[name].element)),
         this.energy.element,
+        card("Risks, 0 to 1", ...RISKS.map((name) => this.risks[name].element)),
+        card("If something fails", this.losses, this.otherLosses),
         card("Weights of the path", h("div", { class: "weights" }, this.triangle.svg, this.weightWords)),
         card("Links and sensors", this.rows),
       ),
@@ -153,18 +156,20 @@ export class StatusView {
   }
 
   updateConditions() {
-    const { supervision: { conditions }, risk } = this.status;
+    const { supervision: { conditions }, risk, mission } = this.status;
     const grades = conditions.filter((item) => !item.overridden).map((item) => grade(item.action));
     const worst = ["warning", "caution"].find((each) => grades.includes(each));
-    const high = Object.entries(risk ?? {}).filter(([, index]) => isKnown(index.value) && riskGrade(index.value) !== "note").sort((a, b) => b[1].value - a[1].value);
+    const risks = riskWords(risk ?? {});
+    const resumes = mission.state === "holding" && isKnown(mission.mission) && conditions.some((item) => item.action === "hold" && !item.overridden);
     setAttribute(this.conditionsCard, "class", `card ${worst ?? ""}`);
-    const key = [this.conditionsKnown, conditions, high.map(([name, index]) => [name, index.value.toFixed(2), cause(index)])];
+    const key = [this.conditionsKnown, conditions, risks, resumes];
     replaceWhen(this.conditions, key, () => {
       const entry = (kind, chip, title, text) => h("li", { class: kind }, h("span", { class: "chip" }, chip), h("span", {}, h("strong", {}, title), h("br"), text));
       const items = conditions.map((item) => entry(item.overridden ? "" : grade(item.action), item.overridden ? "Overridden" : actionWords(item.action), capital(plain(item.name)), item.reason));
-      const [chip, words] = this.conditionsKnown ? ["Clear", "No condition acts against the flight."] : ["Unknown", "This recording has no conditions."];
-      if (!items.length) items.push(h("li", {}, h("span", { class: "chip" }, chip), h("span", {}, words)));
-      items.push(...high.map(([name, index]) => entry(riskGrade(index.value), index.known ? "High risk" : "Unknown", `${capital(name)} ${index.value.toFixed(2)}`, cause(index))));
+      const verdict = items.length ? "" : this.conditionsKnown ? "No limit is exceeded. " : "This recording has no conditions. ";
+      const chip = risks.chip || (this.conditionsKnown ? "Clear" : "Unknown");
+      if (verdict || risks.words) items.push(h("li", { class: risks.grade }, h("span", { class: "chip" }, chip), h("span", {}, verdict + risks.words)));
+      if (resumes) items.push(h("li", { class: "muted after" }, "The mission resumes when no condition acts any more, unless an operator has ordered a hold."));
       return items;
     });
   }
@@ -203,8 +208,10 @@ export class StatusView {
       const words = actsWords(agents[by], action) + (after === null || after === undefined ? "" : ` after ${after} s`);
       rows.set(name, rows.has(name) ? `${rows.get(name)}; ${words}` : words);
     }
-    if (!rows.size) rows.set("Actions", `${UNKNOWN}: the autopilot's parameters are not read yet`);
-    setRows(this.losses, [...rows]);
+    const links = LINKS.filter((name) => rows.has(name)).map((name) => [name, rows.get(name)]);
+    if (!rows.size) links.push(["Actions", `${UNKNOWN}: the autopilot's parameters are not read yet`]);
+    setRows(this.losses, links);
+    setRows(this.otherLosses, [...rows].filter(([name]) => !LINKS.includes(name)));
   }
 
   updateRows() {
@@ -260,13 +267,27 @@ function cause(index) {
   return worst ? `${worst.name} ${worst.reading}` : (index.words ?? index.cause ?? "");
 }
 
-/** The risks that moved the weights, and where to: a safer or a faster path. */
+/** What the risks add to the verdict: those that are high, with their cause, and those without data. */
+function riskWords(risk) {
+  const all = Object.entries(risk).filter(([, index]) => isKnown(index.value)).sort((a, b) => b[1].value - a[1].value);
+  const high = all.filter(([, index]) => index.known && riskGrade(index.value) !== "note");
+  const missing = all.filter(([, index]) => !index.known).map(([name]) => name);
+  const words = high.map(([name, index]) => `${capital(name)} risk is high${isFalling(index) ? ", falling" : ""}: ${cause(index)}.`);
+  if (missing.length) words.push(`No data for the risk of ${missing.join(" and ")}.`);
+  return { grade: high.length ? riskGrade(high[0][1].value) : "", chip: high.length ? "High risk" : missing.length ? "No data" : "", words: words.join(" ") };
+}
+
+function isFalling(index) {
+  return isKnown(index.target) && riskGrade(index.target) !== riskGrade(index.value) && index.target < index.value;
+}
+
+/** The risks that moved the weight of safety, from where and to where: a safer or a faster path. */
 function shifts(weights) {
   const moved = Object.entries(weights.by_risk ?? {}).map(([risk, change]) => [risk, change.safety]).filter(([, change]) => Math.abs(change) >= 0.005);
   if (!moved.length) return "No risk moves the weights from their base.";
-  const words = moved.map(([risk, change]) => `${risk} ${change > 0 ? "raises" : "lowers"} the weight of safety by ${Math.abs(change).toFixed(2)}`);
-  const towards = weights.adjusted.safety >= weights.base.safety ? "a safer path" : "a faster path";
-  return `${capital(words.join(", "))}: ${towards}.`;
+  const words = moved.map(([risk, change]) => `${risk} ${change > 0 ? "+" : "−"}${Math.abs(change).toFixed(2)}`);
+  const [from, to] = [weights.base.safety, weights.adjusted.safety];
+  return `Weight of safety ${from.toFixed(2)} → ${to.toFixed(2)} (${words.join(", ")}): a ${to >= from ? "safer" : "faster"} path.`;
 }
 
 /** Packets of the autopilot; their rate is that of the last ones, however old these are. */
@@ -305,14 +326,14 @@ class RiskGauge {
     this.index = index;
     if (!isKnown(index?.value)) {
       setAttribute(this.element, "class", "risk unknown");
-      setText(this.value, "?");
-      setText(this.cause, UNKNOWN);
+      setText(this.value, "no data");
+      setText(this.cause, "");
       return;
     }
     setAttribute(this.element, "class", `risk ${index.known ? riskGrade(index.value) : "unknown"}`);
     this.fill.style.width = `${100 * index.value}%`;
-    setText(this.value, index.value.toFixed(2));
-    setText(this.cause, !index.known ? "nothing of its inputs is known" : index.value >= LOW ? cause(index) : "");
+    setText(this.value, index.known ? index.value.toFixed(2) : "no data");
+    setText(this.cause, !index.known ? `none of its inputs is received; planned with ${index.value.toFixed(2)}` : index.value >= LOW ? cause(index) : "");
     if (!this.element.open) return;
     const known = (index.inputs ?? []).filter((input) => input.age_s !== null && input.age_s !== undefined);
     const missing = (index.inputs ?? []).filter((input) => !known.includes(input)).map((input) => input.name);
@@ -335,8 +356,9 @@ class EnergyCard {
     this.words = h("p");
     this.parts = ["left", "escape", "reserve"].map((name) => h("i", { class: name }));
     this.bar = h("div", { class: "energy" }, ...this.parts);
+    this.key = h("p", { class: "energy-key muted" });
     this.rows = h("dl", { class: "rows" });
-    this.element = h("section", { class: "card" }, h("h2", {}, "Battery and point of no return"), this.words, this.bar, this.rows);
+    this.element = h("section", { class: "card" }, h("h2", {}, "Battery and point of no return"), this.words, this.bar, this.key, this.rows);
   }
 
   update(status, vehicle) {
@@ -356,13 +378,15 @@ class EnergyCard {
     const whole = Math.max(vehicle?.endurance_s ?? 0, energy?.flight_s ?? 0) || 1;
     const share = (seconds) => `${Math.min(100, (100 * Math.max(0, seconds)) / whole)}%`;
     this.bar.hidden = !isKnown(energy?.flight_s);
+    this.key.hidden = this.bar.hidden;
+    setText(this.key, `Dark: ${better ? `the ${energy.better} and ` : ""}the reserve of ${duration(reserve)}. Light: the rest of the flight time.`);
     this.parts[0].style.width = share(energy?.flight_s ?? 0);
     this.parts[1].style.width = share((better?.duration_s ?? 0) + reserve);
     this.parts[2].style.width = share(reserve);
     const left = (route) => (route ? `${duration(route.duration_s)}, then ${duration(route.left_s)} left` : UNKNOWN);
     setRows(this.rows, [
       // A recording has no batteries.
-      ...(batteries ? [["charge", charge || UNKNOWN]] : []),
+      ...(batteries ? [["charge", charge || "no data"]] : []),
       ["flight time left", duration(energy?.flight_s)],
       ["rest of the mission", left(energy?.finish)],
       ["exit", left(energy?.exit)],

@@ -2,6 +2,8 @@
 
 export const UNKNOWN = "unknown";
 const AUTOPILOT_SILENT_S = 3;
+/** Speed above which an aircraft that holds has not stopped yet; wind moves one at rest by less. */
+const BRAKING_MPS = 0.5;
 
 export function isKnown(value) {
   return value !== null && value !== undefined;
@@ -47,6 +49,11 @@ export function goalWords(mission, goal) {
   return !isKnown(goal) ? "the nearest landing point" : `landing point ${goal}`;
 }
 
+/** What a hold adds while the aircraft still moves. */
+function braking(speed_mps) {
+  return speed_mps > BRAKING_MPS ? `, braking: ${number(speed_mps, 1, " m/s")}` : "";
+}
+
 /** What the aircraft does, as a headline. */
 export function headline(status) {
   const { state, mission, goal } = status.mission;
@@ -60,7 +67,7 @@ export function headline(status) {
     case "landing_leg":
       return `Landing leg${isKnown(mission) ? ` of the ${mission}` : ""}`;
     case "holding":
-      return isKnown(goal) ? `Holding on the way to ${goalWords(mission, goal)}` : "Holding position";
+      return (isKnown(goal) ? `Holding on the way to ${goalWords(mission, goal)}` : "Holding position") + braking(status.aircraft?.speed_mps);
     case "planning":
       return `Planning${to}`;
     case "ready":
@@ -141,5 +148,5 @@ export function autopilotName(kind) {
 export function reasonWords(reason) {
   const wider = /^obstacles wider by (.+) -> (.+) m$/.exec(reason);
   if (!wider) return reason.replaceAll("->", "→");
-  return `the position's uncertainty: obstacles count as ${wider[2]} m wider, before ${wider[1]} m`;
+  return `the position's uncertainty: margin for its error ${wider[1]} m → ${wider[2]} m`;
 }
