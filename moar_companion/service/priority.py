@@ -45,7 +45,7 @@ def in_real_time() -> Iterator[bool]:
     This thread alone: threads and processes that it makes meanwhile have no priority at all.
     Yields False if that is not permitted.
     """
-    before = os.sched_getscheduler(0)
+    before, parameters_before = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         parameters = os.sched_param(_REAL_TIME)
         os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, parameters)
@@ -56,10 +56,10 @@ def in_real_time() -> Iterator[bool]:
         yield True
     finally:
         try:
-            os.sched_setscheduler(0, before, os.sched_param(0))
+            os.sched_setscheduler(0, before, parameters_before)
         except OSError:
             # Without privileges SCHED_RESET_ON_FORK cannot be cleared.
-            os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+            os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, parameters_before)
 
 
 def put_behind(process_id: int) -> None:

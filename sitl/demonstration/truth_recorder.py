@@ -16,6 +16,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import all as mavlink
 
+_LAST_HEARTBEAT_S: Final = 3.0
+"""Longest wait for a heartbeat without arming, after the flight; one comes each second."""
 TRUTH_HZ: Final = 50
 _STATE_INTERVAL_US: Final = 200_000
 _ASK_AGAIN_S: Final = 2.0
@@ -85,18 +87,20 @@ class TruthRecorder:
         self._file = path.open("w", encoding="utf-8", buffering=1)
         self._file.write("time_s,latitude_deg,longitude_deg,altitude_amsl_m,armed,on_ground\n")
         self._ending = threading.Event()
+        self._end_s = 0.0
         self._thread = threading.Thread(target=self._record, daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop listening, once the aircraft is disarmed: its next heartbeat says so."""
+        self._end_s = time.monotonic() + _LAST_HEARTBEAT_S
         self._ending.set()
         self._thread.join()
         self._socket.close()
         self._file.close()
 
     def _record(self) -> None:
-        while not self._ending.is_set():
+        while not self._ending.is_set() or (self._armed and time.monotonic() < self._end_s):
             try:
                 data, peer = self._socket.recvfrom(65536)
             except (TimeoutError, ConnectionError):

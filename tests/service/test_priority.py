@@ -88,6 +88,21 @@ def test_real_time_is_of_the_thread_alone_and_ends():
 
 
 @pytest.mark.usefixtures("_permitted")
+def test_a_thread_that_was_in_real_time_before_has_its_priority_again():
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(3))
+    except PermissionError:
+        pytest.skip("no real time is permitted here")
+    try:
+        with in_real_time() as permitted:
+            assert permitted
+        assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR
+        assert os.sched_getparam(0).sched_priority == 3
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+@pytest.mark.usefixtures("_permitted")
 def test_without_permission_the_priority_does_not_change(monkeypatch):
     def refuse(*_):
         raise PermissionError
