@@ -30,6 +30,8 @@ EXACT_STOPS = 12
 _MOST_WORK = 10_000_000
 """Most cells times legs that are planned: half a second of a desktop's processor. Where an order
 needs more, the cost of a leg is its length."""
+_MOST_STARTS = 500
+"""Most first stops that are tried, times stops: 200 stops take a second of a desktop's processor."""
 _FAR = 1e9
 """Cost of a leg without a path: it is in no order that has another."""
 _LONGEST_PART = 3
@@ -172,25 +174,23 @@ def _exact_order(costs: FloatArray) -> tuple[int, ...]:
 
 def _improved_order(costs: FloatArray) -> tuple[int, ...]:
     """The best of the orders that begin with each of the cheapest first stops, improved."""
-    firsts = np.argsort(costs[0, 1:-1], kind="stable")[:EXACT_STOPS].tolist()
+    starts = max(1, min(EXACT_STOPS, _MOST_STARTS // (len(costs) - 2)))
+    firsts = np.argsort(costs[0, 1:-1], kind="stable")[:starts].tolist()
     orders = [_improved(costs, _inserted(costs, first)) for first in firsts]
     return min(orders, key=lambda order: order_cost(costs, order))
 
 
 def _inserted(costs: FloatArray, first: int) -> IntArray:
     """Nodes of an order, start and end included: each stop is inserted where it costs least."""
-    nodes = [0, 1 + first, len(costs) - 1]
-    left = set(range(1, len(costs) - 1)) - {1 + first}
-    while left:
-        more = [
-            (costs[a, stop] + costs[stop, b] - costs[a, b], stop, place)
-            for stop in sorted(left)
-            for place, (a, b) in enumerate(itertools.pairwise(nodes), start=1)
-        ]
-        _, stop, place = min(more)
-        nodes.insert(place, stop)
-        left.remove(stop)
-    return np.array(nodes)
+    nodes = np.array([0, 1 + first, len(costs) - 1])
+    left = np.delete(np.arange(1, len(costs) - 1), first)
+    while left.size:
+        before, after = nodes[:-1], nodes[1:]
+        more = costs[before][:, left].T + costs[left][:, after] - costs[before, after]
+        stop, place = divmod(int(more.argmin()), len(before))
+        nodes = np.insert(nodes, place + 1, left[stop])
+        left = np.delete(left, stop)
+    return nodes
 
 
 def _improved(costs: FloatArray, nodes: IntArray) -> tuple[int, ...]:
