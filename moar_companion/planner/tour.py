@@ -31,7 +31,7 @@ _MOST_WORK = 10_000_000
 """Most cells times legs that are planned: half a second of a desktop's processor. Where an order
 needs more, the cost of a leg is its length."""
 _MOST_STARTS = 500
-"""Most first stops that are tried, times stops: 200 stops take a second of a desktop's processor."""
+"""Most first stops that are tried, times stops: 200 stops take half a second of a desktop."""
 _FAR = 1e9
 """Cost of a leg without a path: it is in no order that has another."""
 _LONGEST_PART = 3
