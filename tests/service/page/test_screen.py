@@ -138,6 +138,8 @@ def test_the_headline_says_where_the_aircraft_goes_and_who_steers(live, state_in
     assert "the companion steers" in live.locator(".lead").inner_text()
     assert live.locator(".plane text.goal").text_content() == goal
     assert f"{status['path']['left_m']:.1f} m" in live.locator(".figures").inner_text()
+    clearance = f"{status['aircraft']['clearance_m']:.1f} m, hull to "
+    assert clearance in live.locator(".figures").inner_text()
 
 
 def test_changes_come_by_themselves_and_none_is_read_twice(live, page, flight, state_in):
@@ -167,6 +169,7 @@ def test_each_layer_of_the_plane_can_be_chosen(live):
     live.get_by_role("button", name="Safety map").click()
     live.locator(".plane path.line.exit").wait_for(state="attached")
     assert (paths("exit"), paths("evacuation"), paths("other")) == (1, 1, 0)
+    assert live.locator(".plane .end").count() == 2
     live.get_by_label("Other risk levels").check()
     assert paths("other") > 1
     live.get_by_label("Exit and evacuation").uncheck()
@@ -582,6 +585,24 @@ def test_a_recording_is_played_back_with_its_events(browser, page):
         assert began < float(slider.input_value()) <= float(end)
         assert tab.locator(".timeline .mark").count() >= 1
         assert tab.locator(".plane path.line.flown").count() == 1
+
+
+def test_a_replay_is_stamped_and_marks_the_event_at_or_before_the_play_head(browser, page):
+    def seconds(text):
+        minutes, rest = text.split(":")
+        return 60.0 * float(minutes) + float(rest)
+
+    with opened(browser, f"http://{page.host}/#recordings={FLIGHT}") as tab:
+        tab.locator("[data-loaded]").wait_for()
+        slider = tab.get_by_role("slider", name="Time in the recording")
+        times = [seconds(each) for each in tab.locator(".events .at").all_inner_texts()]
+        middle = (times[len(times) // 2] + times[-1]) / 2.0
+        slider.fill(f"{middle:.1f}")
+        head = seconds(tab.locator(".timeline output").inner_text().split(" of ")[0])
+        marked = tab.locator(".events [aria-current] .at").inner_text()
+        assert seconds(marked) == max(each for each in times if each <= head)
+        stamp = tab.locator(".stamp").inner_text()
+        assert re.fullmatch(r"REPLAY 2023-11-14 22:1\d:\d\d UTC", stamp)
 
 
 def test_a_telemetry_log_is_played_back_as_far_as_it_tells(browser):

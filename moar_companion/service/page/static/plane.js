@@ -62,6 +62,13 @@ function surface(obstacle, [x, z]) {
   return best;
 }
 
+/** The obstacle nearest to a place, and the nearest point of its surface. */
+export function nearest(obstacles, [x, z]) {
+  const found = obstacles.map((obstacle) => ({ name: obstacle.name, place: surface(obstacle, [x, z]) }));
+  const away = ({ place }) => Math.hypot(place[0] - x, place[1] - z);
+  return found.reduce((a, b) => (away(b) < away(a) ? b : a));
+}
+
 export class PlaneView {
   /** host: the element to fill. label: of the picture. */
   constructor(host, label) {
@@ -104,7 +111,7 @@ export class PlaneView {
   }
 
   /**
-   * What is drawn beside the site. paths: [{points, kind, label}]; flown: [[x, z]]; aircraft:
+   * What is drawn beside the site. paths: [{points, kind, label, left_m}]; flown: [[x, z]]; aircraft:
    * {position, velocity, radius}; setpoint: [x, z]; goal: {mission, goal}; seen: [[x, z]].
    */
   show(layers) {
@@ -186,7 +193,7 @@ export class PlaneView {
         const [labelX, labelY] = this.px([(xs[0] + xs[1]) / 2, line[Math.floor(line.length / 2)][1]]);
         if (ground) parts.push(s("polyline", { class: "ground", points: this.pixels(ground.profile_m) }));
         parts.push(s("polyline", { class: "floor", points: this.pixels(line) }));
-        parts.push(s("text", { class: "soft", x: labelX, y: labelY + 16, "text-anchor": "middle" }, `least altitude ${floor} m${ground ? " above ground" : ""}`));
+        parts.push(s("text", { class: "soft least", x: labelX, y: labelY + 16, "text-anchor": "middle" }, `least altitude ${floor} m${ground ? " above ground" : ""}`));
       }
       const step = [1, 2, 5, 10, 20, 50, 100].find((each) => each * this.scale > 55) ?? 200;
       const bottom = this.size[1] - 8;
@@ -219,6 +226,39 @@ export class PlaneView {
     ]);
   }
 
+  /** The part of a path that is left, and the part behind; left_m: its length, null: all of it. */
+  parted(points, left) {
+    if (left === null || left === undefined) return [points, []];
+    let rest = left;
+    for (let index = points.length - 1; index > 0; index--) {
+      const [from, to] = [points[index - 1], points[index]];
+      const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
+      if (length > rest) {
+        const place = [0, 1].map((axis) => to[axis] + ((from[axis] - to[axis]) * rest) / length);
+        return [[place, ...points.slice(index)], [...points.slice(0, index), place]];
+      }
+      rest -= length;
+    }
+    return [points, []];
+  }
+
+  /** Sign and name where an escape ends, or leaves the picture. */
+  escapeEnd(points, kind) {
+    const places = points.map((point) => this.px(point));
+    const [low, high] = [[10, 10], [this.size[0] - 10, this.size[1] - 10]];
+    const beyond = (value, axis) => Math.max(low[axis] - value, value - high[axis]);
+    const out = places.findIndex((place) => place.some((value, axis) => beyond(value, axis) > 0));
+    const end = out < 0 ? places.length - 1 : out;
+    const [from, to] = [places[Math.max(0, end - 1)], places[end]];
+    const shares = to.map((value, axis) => (beyond(value, axis) > 0 ? ((value > from[axis] ? high : low)[axis] - from[axis]) / (value - from[axis]) : 1));
+    const share = out < 0 ? 1 : Math.max(0, Math.min(...shares));
+    const [x, y] = [0, 1].map((axis) => from[axis] + (to[axis] - from[axis]) * share);
+    const angle = (Math.atan2(to[1] - from[1], to[0] - from[0]) * 180) / Math.PI;
+    const sign = out < 0 ? s("circle", { class: `end ${kind}`, cx: x, cy: y, r: 4 }) : s("path", { class: `end ${kind}`, d: "M8 0l-12 -6v12z", transform: `translate(${x} ${y}) rotate(${angle})` });
+    const anchor = x > this.size[0] / 2 ? "end" : "start";
+    return [sign, s("text", { class: kind, x, y: kind === "exit" ? y - 12 : y + 20, "text-anchor": anchor }, kind)];
+  }
+
   line(points, kind) {
     const d = points.map((point, index) => (index ? "L" : "M") + this.px(point).map((value) => value.toFixed(1)).join(" ")).join("");
     return s("path", { class: `line ${kind}`, d });
@@ -227,11 +267,13 @@ export class PlaneView {
   drawPaths() {
     const { paths = [], flown = [] } = this.layers;
     replaceWhen(this.groups.paths, [this.view, paths, flown.length, flown.at(-1)], () => [
-      ...paths.filter((path) => path.points.length > 1).flatMap((path) => [
-        ...(path.kind === "path" ? [this.line(path.points, "casing")] : []),
-        this.line(path.points, path.kind),
-      ]),
       ...(flown.length > 1 ? [this.line(flown, "flown")] : []),
+      ...paths.filter((path) => path.points.length > 1).flatMap((path) => {
+        if (path.kind === "exit" || path.kind === "evacuation") return [this.line(path.points, path.kind), ...this.escapeEnd(path.points, path.kind)];
+        if (path.kind !== "path") return [this.line(path.points, path.kind)];
+        const [ahead, behind] = this.parted(path.points, path.left_m);
+        return [this.line(behind, "behind"), this.line(ahead, "casing"), this.line(ahead, "path")];
+      }),
     ]);
   }
 
@@ -244,27 +286,30 @@ export class PlaneView {
         const [x, y] = this.px([target.x_m, target.z_m]);
         const own = goal.mission === "inspection" && goal.goal === target.name;
         parts.push(s("circle", { class: own ? "target goal" : "target", cx: x, cy: y, r: own ? 9 : 7 }), s("circle", { class: "obstacle", cx: x, cy: y, r: 2 }));
-        const left = x > this.size[0] - 12 * target.name.length;
-        parts.push(s("text", { class: own ? "goal" : "other-goal", x: left ? x - 13 : x + 13, y: y + 5, "text-anchor": left ? "end" : "start" }, target.name));
+        const before = paths.find((path) => path.kind === "path")?.points.at(-2);
+        const room = 12 * target.name.length;
+        const left = x > this.size[0] - room || (own && before?.[0] > target.x_m && x > room);
+        parts.push(s("text", { class: own ? "goal" : "other-goal", x: left ? x - 4 : x + 13, y: left ? y + 22 : y + 5, "text-anchor": left ? "end" : "start" }, target.name));
       }
       const places = new Map();
       for (const [mission, points] of Object.entries(landing)) {
         points.forEach((point, index) => {
           const key = `${point.x_m},${point.z_m}`;
           const words = places.get(key) ?? { point: [point.x_m, point.z_m], names: [], own: false };
-          words.names.push(points.length > 1 ? `${mission} ${index}` : mission);
+          words.names.push(points.length > 1 ? `${mission}, point ${index}` : mission);
           words.own ||= goal.mission === mission && (goal.goal === index || goal.goal === null || goal.goal === undefined);
           places.set(key, words);
         });
       }
-      for (const { point, names, own } of places.values()) parts.push(...this.landingMark(point, names.join(", "), own));
+      for (const { point, names, own } of places.values()) parts.push(...this.landingMark(point, names.join("; "), own));
       return parts;
     });
   }
 
-  /** A landing point; one outside the window is an arrow at its edge with the distance. */
+  /** A landing point; one outside the picture is an arrow at its edge with the distance. */
   landingMark(point, name, own) {
-    const inside = point[0] >= this.x0 && point[0] <= this.x1 && point[1] >= this.z0 && point[1] <= this.z1;
+    const [low, high] = [MARGIN_PX.left, this.size[0] - MARGIN_PX.right].map((left) => this.metres([left, 0])[0]);
+    const inside = point[0] >= low && point[0] <= high && point[1] >= this.z0 && point[1] <= this.z1;
     const shape = own ? "landing goal" : "landing";
     const style = own ? "goal" : "soft-landing";
     if (inside) {
@@ -272,14 +317,14 @@ export class PlaneView {
       const anchor = x > this.size[0] * 0.7 ? "end" : x < this.size[0] * 0.3 ? "start" : "middle";
       return [s("path", { class: shape, d: `M${x - 8} ${y - 8}h16l-8 11z` }), s("text", { class: style, x: anchor === "end" ? x + 8 : anchor === "start" ? x - 8 : x, y: y - 14, "text-anchor": anchor }, `land: ${name}`)];
     }
-    const right = point[0] > this.x1;
-    const edge = this.px([right ? this.x1 : this.x0, Math.min(Math.max(point[1], this.z0), this.z1)]);
-    const away = right ? point[0] - this.x1 : this.x0 - point[0];
+    const right = point[0] > high;
+    const edge = this.px([right ? high : low, Math.min(Math.max(point[1], this.z0), this.z1)]);
+    const away = right ? point[0] - high : low - point[0];
     const [x, y] = [edge[0] + (right ? -4 : 4), Math.min(edge[1], this.size[1] - 40)];
     const side = right ? -1 : 1;
     return [
       s("path", { class: shape, d: `M${x} ${y}l${14 * side} -7v14z` }),
-      s("text", { class: style, x, y: y + 24, "text-anchor": right ? "end" : "start" }, name + (this.scale < DENSE ? "" : `, ${number(away, 0)} m beyond`)),
+      s("text", { class: style, x, y: y + 24, "text-anchor": right ? "end" : "start" }, name + (this.scale < DENSE ? "" : `, ${number(away, 1, " m")} ${right ? "right" : "left"} of the picture`)),
     ];
   }
 
@@ -290,14 +335,12 @@ export class PlaneView {
       const parts = [];
       const [x, y] = this.px(aircraft.position);
       if (this.site.obstacles.length && clearance !== undefined && clearance !== null) {
-        const near = this.site.obstacles.map((obstacle) => surface(obstacle, aircraft.position)).reduce((a, b) => (Math.hypot(a[0] - aircraft.position[0], a[1] - aircraft.position[1]) < Math.hypot(b[0] - aircraft.position[0], b[1] - aircraft.position[1]) ? a : b));
+        const { place: near } = nearest(this.site.obstacles, aircraft.position);
         const [nx, ny] = this.px(near);
-        parts.push(s("line", { class: "clearance", x1: x, y1: y, x2: nx, y2: ny }));
+        const away = Math.hypot(nx - x, ny - y) || 1;
+        const hull = Math.min(1, (aircraft.radius * this.scale) / away);
+        parts.push(s("line", { class: "clearance", x1: x + (nx - x) * hull, y1: y + (ny - y) * hull, x2: nx, y2: ny }), s("circle", { class: "clearance-end", cx: nx, cy: ny, r: 3 }));
         parts.push(s("text", { x: (x + nx) / 2 + 6, y: (y + ny) / 2 }, number(clearance, 1, " m")));
-      }
-      if (setpoint) {
-        const [sx, sy] = this.px(setpoint);
-        parts.push(s("path", { class: "setpoint", d: `M${sx - 6} ${sy}h12M${sx} ${sy - 6}v12` }));
       }
       const group = s("g", { class: "aircraft" });
       const hull = aircraft.radius * this.scale;
@@ -305,11 +348,17 @@ export class PlaneView {
       const [vx, vz] = aircraft.velocity ?? [0, 0];
       const speed = Math.hypot(vx, vz);
       if (speed > 0.15) {
-        const length = Math.min(60, 16 + 14 * speed);
-        group.append(s("line", { x1: x, y1: y, x2: x + (vx / speed) * length, y2: y - (vz / speed) * length }));
+        const length = Math.min(60, 18 + 14 * speed);
+        const angle = (Math.atan2(-vz, vx) * 180) / Math.PI;
+        group.append(s("path", { class: "movement", d: `M0 0h${length}m-7 -5l7 5l-7 5`, transform: `translate(${x} ${y}) rotate(${angle})` }));
       }
       group.append(s("circle", { cx: x, cy: y, r: 8 }));
-      parts.push(group, s("text", { class: "own", x: x + 12, y: y - 12 }, "aircraft"));
+      const behind = vx > 0 ? -1 : 1;
+      parts.push(group, s("text", { class: "own", x: x + 12 * behind, y: y - 12, "text-anchor": behind < 0 ? "end" : "start" }, "aircraft"));
+      if (setpoint) {
+        const [sx, sy] = this.px(setpoint);
+        parts.push(s("path", { class: "setpoint", d: `M${sx - 6} ${sy}h12M${sx} ${sy - 6}v12` }));
+      }
       return parts;
     });
   }
@@ -380,6 +429,8 @@ const SAMPLES = {
   path: ["path", "M0 5h26"],
   ghost: ["ghost", "M0 5h26"],
   flown: ["flown", "M0 5h26"],
+  setpoint: ["setpoint", "M7 5h12M13 -1v12"],
+  movement: ["movement", "M0 5h24m-7 -5l7 5l-7 5"],
   exit: ["exit", "M0 5h26"],
   evacuation: ["evacuation", "M0 5h26"],
   other: ["other", "M0 5h26"],

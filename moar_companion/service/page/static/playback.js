@@ -4,12 +4,17 @@ import { escapesRequest } from "./live.js";
 import { merged } from "./merge.js";
 import { authorization, confirmed, get, Newest, post } from "./server.js";
 import { StatusView } from "./status.js";
-import { bytes, plain } from "./words.js";
+import { bytes, dateAndClock, isKnown, plain, reasonWords } from "./words.js";
 
 const KEY_FRAMES = 50;
 const CHUNK_S = 60;
 const RISKS = ["wind", "communication", "localization", "battery"];
 const SETTLED_MS = 300;
+/** The slider's step is 0.1 s: an event that was chosen is at the play head. */
+const ROUNDING_S = 0.05;
+const TIME_STEPS_S = [1, 2, 5, 10, 30, 60, 120, 300, 600, 1200, 3600];
+/** Most marks of time under the chart: as many as a phone has room for. */
+const MOST_TIMES = 7;
 /** Kinds of events that the frames show with their reasons; requests for plans that change no path. */
 const SHOWN_BY_FRAMES = new Set(["condition", "plan", "replan"]);
 
@@ -42,7 +47,7 @@ class Frames {
   note(time, before, state) {
     if (state.plan && state.plan.paths !== before?.plan?.paths) {
       const change = state.plan.change ? `; ${state.plan.change}` : "";
-      this.events.push({ time_s: time, kind: "path", text: `${state.plan.reason}${change}` });
+      this.events.push({ time_s: time, kind: "path", text: `${reasonWords(state.plan.reason)}${change}` });
     }
     const now = new Map((state.supervision?.conditions ?? []).map((item) => [item.name, item]));
     for (const [name, span] of this.open) {
@@ -136,6 +141,8 @@ export class PlaybackView {
     this.frames = new Frames();
     this.now = 0;
     this.view = new StatusView();
+    this.stamp = h("p", { class: "stamp" }, "REPLAY");
+    this.view.lead.prepend(this.stamp);
     this.buildTimeline();
     this.element.replaceChildren(this.view.element);
     const encoded = encodeURIComponent(name);
@@ -178,6 +185,8 @@ export class PlaybackView {
     this.slider = h("input", { type: "range", min: 0, max: 1, step: 0.1, value: 0, "aria-label": "Time in the recording", oninput: () => this.seek(Number(this.slider.value)) });
     this.time = h("output", { class: "muted" });
     this.chart = s("svg", { class: "chart", viewBox: "0 0 1000 84", preserveAspectRatio: "none", role: "img", "aria-label": "The four risks over the flight; marks where the path changed, shades where a condition acted" });
+    this.times = h("div", { class: "times", "aria-hidden": "true" });
+    this.acted = h("span", {});
     this.cursor = s("line", { class: "now", y1: 0, y2: 84, "vector-effect": "non-scaling-stroke" });
     this.events = h("ol", { class: "events", tabindex: "0", "aria-label": "Events" });
     const key = (name, words) => h("span", {}, s("svg", { "aria-hidden": "true" }, s("path", { class: `curve ${name}`, d: "M0 5h26" })), words);
@@ -186,8 +195,9 @@ export class PlaybackView {
         "section",
         { class: "card timeline", "aria-label": "Time line" },
         h("div", { class: "controls" }, this.play_, this.speed, this.slider, this.time),
-        this.chart,
-        h("div", { class: "legend" }, ...RISKS.map((name) => key(name, name)), h("span", {}, s("svg", { "aria-hidden": "true" }, s("path", { class: "mark", d: "M13 -2v14" })), "path changed"), h("span", {}, h("i", { class: "box condition" }), "a condition acted")),
+        h("div", { class: "plot" }, h("div", { class: "axis", "aria-hidden": "true" }, h("span", {}, "1"), h("span", {}, "risk"), h("span", {}, "0")), this.chart, this.times),
+        h("div", { class: "legend" }, ...RISKS.map((name) => key(name, name)), h("span", {}, s("svg", { "aria-hidden": "true" }, s("path", { class: "mark", d: "M13 -2v14" })), "path changed"), h("span", {}, h("i", { class: "box condition" }), this.acted)),
+        h("p", { class: "events-head", "aria-hidden": "true" }, h("span", {}, "time"), h("span", {}, "what"), h("span", {}, "text")),
         this.events,
       ),
     );
@@ -219,6 +229,15 @@ export class PlaybackView {
       if (event.kind === "path") parts.push(s("line", { class: "mark", x1: x(event.time_s), x2: x(event.time_s), y1: 0, y2: 84, ...scaled }, s("title", {}, event.text)));
     }
     this.chart.replaceChildren(...parts, this.cursor);
+    const names = new Set(this.frames.spans.filter((span) => span.action !== "continue").map((span) => plain(span.name)));
+    setText(this.acted, names.size ? `condition: ${[...names].join(", ")}` : "no condition acted");
+    const step = TIME_STEPS_S.find((each) => whole / each <= MOST_TIMES) ?? whole;
+    this.times.replaceChildren();
+    for (let time = 0; time <= whole; time += step) {
+      const mark = h("span", {}, minutes(time));
+      mark.style.left = `${(100 * time) / whole}%`;
+      this.times.append(mark);
+    }
   }
 
   showEvents() {
@@ -226,7 +245,7 @@ export class PlaybackView {
     this.shownEvents = [...given, ...this.frames.events].sort((a, b) => a.time_s - b.time_s);
     this.events.replaceChildren(
       ...this.shownEvents.map((event) =>
-        h("li", {}, h("button", { type: "button", onclick: () => this.seek(event.time_s) }, h("span", { class: "at" }, clockOf(event.time_s)), h("span", { class: "kind" }, plain(event.kind)), h("span", {}, event.text))),
+        h("li", {}, h("button", { type: "button", onclick: () => this.seek(event.time_s) }, h("span", { class: "at" }, clockOf(event.time_s)), h("span", { class: "kind" }, plain(event.kind)), h("span", {}, event.kind === "state" ? plain(event.text).replace("->", "→") : event.text))),
       ),
     );
   }
@@ -240,6 +259,8 @@ export class PlaybackView {
     this.slider.value = String(this.now);
     const words = `${clockOf(this.now)} of ${clockOf(this.summary.duration_s)}`;
     setText(this.time, words);
+    const { began_s: began } = this.summary;
+    setText(this.stamp, isKnown(began) ? `REPLAY ${dateAndClock(began + this.now)}` : "REPLAY, date unknown");
     setAttribute(this.slider, "aria-valuetext", words);
     const at = (1000 * this.now) / (this.summary.duration_s || 1);
     setAttribute(this.cursor, "x1", at);
@@ -256,7 +277,7 @@ export class PlaybackView {
       }, SETTLED_MS);
     }
     let last = -1;
-    for (const [row, event] of this.shownEvents.entries()) if (event.time_s <= this.now + 0.05) last = row;
+    for (const [row, event] of this.shownEvents.entries()) if (event.time_s <= this.now + ROUNDING_S) last = row;
     [...this.events.children].forEach((item, row) => setAttribute(item.firstChild, "aria-current", row === last ? "true" : null));
     const current = this.events.children[last];
     if (current) this.events.scrollTop = current.offsetTop - 40;
@@ -281,7 +302,12 @@ export class PlaybackView {
   }
 }
 
-function clockOf(seconds) {
+function minutes(seconds) {
   const whole = Math.floor(seconds);
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+}
+
+/** A time in the recording; tenths tell an event before the play head from one after it. */
+function clockOf(seconds) {
+  return `${minutes(seconds)}.${Math.floor((seconds % 1) * 10)}`;
 }

@@ -1,6 +1,6 @@
 // The state of a flight at one instant: headline, plane, and what explains it. Live and played back.
 import { h, replaceWhen, setAttribute, setText } from "./dom.js";
-import { legendLine, legendMap, MAP_LAYERS, PlaneView, segments } from "./plane.js";
+import { legendLine, legendMap, MAP_LAYERS, nearest, PlaneView, segments } from "./plane.js";
 import { WeightTriangle } from "./triangle.js";
 import { actionWords, actsWords, autopilotName, capital, controlWords, duration, gateWords, goalWords, grade, headline, isKnown, isSilent, number, percent, plain, reasonWords, riskGrade, UNKNOWN } from "./words.js";
 
@@ -100,7 +100,7 @@ export class StatusView {
   }
 
   updateLegend() {
-    const items = [["path", "path"], ["flown", "flown"], ["ghost", "path before"], ["exit", "exit"], ["evacuation", "evacuation"]];
+    const items = [["path", "path ahead"], ["flown", "flown"], ["ghost", "path before"], ["exit", "exit"], ["evacuation", "evacuation"], ["movement", "movement"], ["setpoint", "setpoint"]];
     this.legend.replaceChildren(...items.map(([kind, words]) => legendLine(kind, words)), ...legendMap(this.plane.layer, this.plane.maps));
   }
 
@@ -123,12 +123,20 @@ export class StatusView {
     const figures = [
       ["to go", path ? `${number(path.left_m, 1)} m, ${duration(path.left_s)}` : this.conditionsKnown ? "no path is flown" : UNKNOWN],
       ["speed", number(aircraft.speed_mps, 1, " m/s")],
-      ["clearance", number(aircraft.clearance_m, 1, " m")],
       ["height z", number(aircraft.position_m?.[2], 1, " m")],
+      ["clearance", number(aircraft.clearance_m, 1, " m") + this.clearedWords()],
     ];
     setRows(this.figures, figures);
     setText(this.control, controlWords(this.status));
     setText(this.lastText, mission.text ? `${duration(mission.text_age_s)} ago: ${mission.text}` : "");
+  }
+
+  /** What the clearance is to: from the hull to an obstacle's surface. */
+  clearedWords() {
+    const { clearance_m: clearance, position_m: position } = this.status.aircraft;
+    const obstacles = this.plane.site?.obstacles ?? [];
+    if (!isKnown(clearance) || !isKnown(position) || !obstacles.length) return "";
+    return `, hull to ${nearest(obstacles, [position[0], position[2]]).name}`;
   }
 
   updatePlane() {
@@ -140,7 +148,7 @@ export class StatusView {
       if (escape ? escapes : levels) paths.push({ points: item.path, kind: escape ? item.name : "other" });
     }
     if (ghost && before?.path) paths.push({ points: points(before.path), kind: "ghost" });
-    if (plan?.path && mission.state !== "idle") paths.push({ points: points(plan.path), kind: "path" });
+    if (plan?.path && mission.state !== "idle") paths.push({ points: points(plan.path), kind: "path", left_m: path?.left_m });
     const own = (vector) => (vector ? [vector[0], vector[2]] : null);
     const position = own(aircraft.position_m);
     this.plane.show({

@@ -31,6 +31,10 @@ export function clock(seconds) {
   return new Date(1e3 * seconds).toISOString().slice(11, 19) + " UTC";
 }
 
+export function dateAndClock(seconds) {
+  return `${new Date(1e3 * seconds).toISOString().slice(0, 10)} ${clock(seconds)}`;
+}
+
 export function bytes(count) {
   return count < 1e6 ? `${Math.max(1, Math.round(count / 1e3))} kB` : `${(count / 1e6).toFixed(1)} MB`;
 }
