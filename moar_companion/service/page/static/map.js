@@ -81,7 +81,7 @@ export class MapView {
     if (!this.site || width < 60) return;
     const { frame, workspace, targets, landing, obstacles } = this.site;
     const wires = obstacles.filter((obstacle) => obstacle.kind === "conductor");
-    const landings = Object.entries(landing).flatMap(([mission, points]) => points.map((point, index) => [`${mission} ${index}`, [point.x_m, 0], point.z_m]));
+    const landings = Object.entries(landing).flatMap(([mission, points]) => points.map((point, index) => [points.length > 1 ? `${mission}, point ${index}` : mission, [point.x_m, 0], point.z_m]));
     const to = (place) => eastNorth(frame.azimuth_deg, place);
     const all = [[workspace.x_m[0], 0], [workspace.x_m[1], 0], ...landings.map(([, place]) => place), ...this.flown.map(([x, y]) => [x, y])].map(to);
     for (const wire of wires) all.push(to([wire.x_m, WIRE_M]), to([wire.x_m, -WIRE_M]));

@@ -5,6 +5,8 @@ import { number } from "./words.js";
 const PAD_M = 2;
 const MARGIN_PX = { left: 34, right: 14, top: 14, bottom: 26 };
 const OCCUPIED = 255;
+/** Least speed that has an arrow. */
+const MOVING_MPS = 0.15;
 /** Pixels of a metre below which only the goal has its name. */
 const DENSE = 15;
 
@@ -255,8 +257,10 @@ export class PlaneView {
     const [x, y] = [0, 1].map((axis) => from[axis] + (to[axis] - from[axis]) * share);
     const angle = (Math.atan2(to[1] - from[1], to[0] - from[0]) * 180) / Math.PI;
     const sign = out < 0 ? s("circle", { class: `end ${kind}`, cx: x, cy: y, r: 4 }) : s("path", { class: `end ${kind}`, d: "M8 0l-12 -6v12z", transform: `translate(${x} ${y}) rotate(${angle})` });
-    const anchor = x > this.size[0] / 2 ? "end" : "start";
-    return [sign, s("text", { class: kind, x, y: kind === "exit" ? y - 12 : y + 20, "text-anchor": anchor }, kind)];
+    const right = x > this.size[0] / 2;
+    // Both may end at one place; an end within the picture has a landing point's name below it.
+    const apart = kind === "exit" ? -12 : out < 0 ? -26 : 20;
+    return [sign, s("text", { class: kind, x: right || out < 0 ? x : MARGIN_PX.left, y: y + apart, "text-anchor": right ? "end" : "start" }, kind)];
   }
 
   line(points, kind) {
@@ -347,13 +351,13 @@ export class PlaneView {
       if (hull > 10) group.append(s("circle", { class: "hull", cx: x, cy: y, r: hull }));
       const [vx, vz] = aircraft.velocity ?? [0, 0];
       const speed = Math.hypot(vx, vz);
-      if (speed > 0.15) {
+      if (speed > MOVING_MPS) {
         const length = Math.min(60, 18 + 14 * speed);
         const angle = (Math.atan2(-vz, vx) * 180) / Math.PI;
         group.append(s("path", { class: "movement", d: `M0 0h${length}m-7 -5l7 5l-7 5`, transform: `translate(${x} ${y}) rotate(${angle})` }));
       }
       group.append(s("circle", { cx: x, cy: y, r: 8 }));
-      const behind = vx > 0 ? -1 : 1;
+      const behind = speed > MOVING_MPS && vx > 0 ? -1 : 1;
       parts.push(group, s("text", { class: "own", x: x + 12 * behind, y: y - 12, "text-anchor": behind < 0 ? "end" : "start" }, "aircraft"));
       if (setpoint) {
         const [sx, sy] = this.px(setpoint);

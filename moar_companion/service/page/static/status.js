@@ -167,7 +167,8 @@ export class StatusView {
     const { supervision: { conditions }, risk, mission } = this.status;
     const grades = conditions.filter((item) => !item.overridden).map((item) => grade(item.action));
     const worst = ["warning", "caution"].find((each) => grades.includes(each));
-    const risks = riskWords(risk ?? {});
+    const acts = conditions.some((item) => !item.overridden && item.action !== "continue");
+    const risks = riskWords(acts ? {} : (risk ?? {}));
     const resumes = mission.state === "holding" && isKnown(mission.mission) && conditions.some((item) => item.action === "hold" && !item.overridden);
     setAttribute(this.conditionsCard, "class", `card ${worst ?? ""}`);
     const key = [this.conditionsKnown, conditions, risks, resumes];
@@ -375,12 +376,11 @@ class EnergyCard {
     const reserve = vehicle?.reserve_s ?? 0;
     const better = energy?.better ? energy[energy.better] : null;
     const slack = better?.left_s === undefined || better?.left_s === null ? null : better.left_s - reserve;
-    const words =
-      slack === null
-        ? "The point of no return is unknown."
-        : slack > 0
-          ? `${capital(energy.better)} must begin within ${duration(slack)}.`
-          : `Past the point of no return for the ${energy.better}.`;
+    const flown = energy?.better === status.mission.mission && ["flying", "landing_leg"].includes(status.mission.state) && slack !== null && better.left_s > 0;
+    let words = "The point of no return is unknown.";
+    if (flown) words = `The ${energy.better} is flown: after it, ${duration(better.left_s)} of flight are left.`;
+    else if (slack > 0) words = `${capital(energy.better)} must begin within ${duration(slack)}.`;
+    else if (slack !== null) words = `Past the point of no return for the ${energy.better}.`;
     setText(this.words, words);
     setAttribute(this.element, "class", `card ${slack !== null && slack < 30 ? "warning" : slack !== null && slack < 120 ? "caution" : ""}`);
     const whole = Math.max(vehicle?.endurance_s ?? 0, energy?.flight_s ?? 0) || 1;
