@@ -241,16 +241,27 @@ class BatteryEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RoutePoint:
+    """Corner of a route."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RouteEntry:
     """Time and measured battery energy of a route. left_s: flight time left after it.
 
-    age_s: since its request; the oldest part counts.
+    age_s: since its request; the oldest part counts. path: of an escape route as it was last
+    planned, its start, corners and end; of other routes empty.
     """
 
     duration_s: float
     energy_wh: float
     left_s: float | None
     age_s: float
+    path: tuple[RoutePoint, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

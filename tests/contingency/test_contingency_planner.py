@@ -43,6 +43,13 @@ def test_in_the_air_both_escape_routes_are_ready_before_any_order():
         hovering_wh = 400.0 * route.duration_s / 3600.0
         assert route.energy_wh == pytest.approx(hovering_wh, rel=0.1)
         assert route.left_s == pytest.approx(routes.flight_s - route.duration_s, rel=0.05)
+        planned_m = [tuple(point) for point in plan.waypoints.position_m.tolist()]
+        corners_m = [(point.x_m, point.z_m) for point in route.path]
+        assert corners_m[0] == pytest.approx((x_m, z_m), abs=0.2)
+        assert corners_m[-1] == pytest.approx(planned_m[-1])
+        assert len(corners_m) < 0.5 * len(planned_m)
+        for corner_m in corners_m[1:]:
+            assert min(math.dist(corner_m, point_m) for point_m in planned_m) < 0.3
 
 
 def test_on_the_ground_no_escape_route_is_planned():
@@ -164,7 +171,9 @@ def test_the_status_shows_the_remaining_energy_and_time():
     assert set(status["energy"]) == {
         "left_wh", "flight_s", "factor", "source", "finish", "exit", "evacuation", "better",
     }  # fmt: skip
-    assert set(status["energy"]["exit"]) == {"duration_s", "energy_wh", "left_s", "age_s"}
+    route = status["energy"]["exit"]
+    assert set(route) == {"duration_s", "energy_wh", "left_s", "age_s", "path"}
+    assert not status["energy"]["finish"]["path"]
 
 
 def test_without_an_exit_the_evacuation_is_the_better_route():
@@ -383,7 +392,7 @@ def test_an_exit_at_rest_after_braking_has_not_arrived():
     routes.update(scene, desk.now_s)
     after = routes.energy_forecast(scene.meter)
     assert after.exit.duration_s == pytest.approx(before.duration_s, rel=0.1)
-    assert after.finish == after.exit
+    assert after.finish == replace(after.exit, path=())
 
 
 def test_without_control_an_earlier_exit_has_no_preference():

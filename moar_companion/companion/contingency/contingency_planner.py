@@ -28,7 +28,7 @@ from ...risk.power import Demands, Meter, PowerModel, landing_s
 from ...risk.power.model import S_PER_H
 from ...settings.risk_model import RiskModel
 from ...settings.vehicle import Vehicle
-from ...status_values import EnergySection, RouteEntry
+from ...status_values import EnergySection, RouteEntry, RoutePoint
 from ...types import Mission, RiskIndices, Vector
 from ..estimation.pose import Pose
 from ..guidance.flight_volume import FlightVolume
@@ -55,6 +55,8 @@ _ANSWER_TIMEOUT_S = 5.0
 _FASTEST_MPS = 100.0
 """A velocity estimate above this is wrong: then the plan begins at rest."""
 _TIGHT_FOR_S = 10.0
+_TURN = 1e-3
+"""Least change of the direction at a corner of a route, as a length of the unit circle."""
 """Time for which the energy must not suffice for a stop: a gust or a step of the charge passes."""
 _ESCAPE_MISSIONS = (Mission.EXIT, Mission.EVACUATION)
 _FLOWN = frozenset({MissionState.FLYING, MissionState.AT_TARGET, MissionState.LANDING_LEG})
@@ -116,7 +118,8 @@ class ContingencyPlanner:
         self._due_s = -math.inf
         self._routes: dict[_Question, RouteCost | None] = {}
         """Routes of the last answers, of those with a plan; None where no answer had one."""
-        self._starts: dict[_Question, Vector] = {}
+        self._paths: dict[_Question, tuple[RoutePoint, ...]] = {}
+        """Their corners, from where each was requested."""
         self._now_s = -math.inf
         self._failsafes = NO_FAILSAFES
         """Battery failsafes, which make a place exposed."""
@@ -183,14 +186,20 @@ class ContingencyPlanner:
         def outcome(route: RouteCost | None) -> RouteEntry | None:
             return None if route is None else route.outcome(meter, self._power, self._now_s)
 
+        def out(mission: Mission) -> RouteEntry | None:
+            entry, question = outcome(self._out.get(mission)), _Question(None, mission)
+            if entry is None or self._routes.get(question) is None:
+                return entry
+            return replace(entry, path=self._paths[question])
+
         return EnergySection(
             left_wh=meter.left_wh,
             flight_s=meter.flight_s(self._power),
             factor=meter.factor,
             source=meter.source,
             finish=outcome(self._finish),
-            exit=outcome(self._out.get(Mission.EXIT)),
-            evacuation=outcome(self._out.get(Mission.EVACUATION)),
+            exit=out(Mission.EXIT),
+            evacuation=out(Mission.EVACUATION),
             better=self.better,
         )
 
@@ -224,11 +233,11 @@ class ContingencyPlanner:
         if asked is None or asked.job.job_id != answer.job_id or volume is None:
             return
         self._asked = None
-        route = self._measured(asked, answer, volume)
-        if route is None:
+        measured = self._measured(asked, answer, volume)
+        if measured is None:
             self._routes.setdefault(asked.question, None)
         else:
-            self._routes[asked.question], self._starts[asked.question] = route, asked.start_m
+            self._routes[asked.question], self._paths[asked.question] = measured
 
     def _questions(self, scene: ContingencyInputs) -> Iterator[_Question]:
         """Routes to be planned: the escape routes first."""
@@ -281,7 +290,8 @@ class ContingencyPlanner:
 
     def _measured(
         self, asked: _Asked, answer: PlanAnswer, volume: FlightVolume
-    ) -> RouteCost | None:
+    ) -> tuple[RouteCost, tuple[RoutePoint, ...]] | None:
+        """The route of an answer and its corners; None without a plan."""
         plan = answer.plan
         if plan is None:
             return None
@@ -290,9 +300,9 @@ class ContingencyPlanner:
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)
         route = self._exposed(self._route_cost(*rest, asked.asked_s), *rest, volume)
-        if asked.question.mission.visits_targets:
-            return route
-        return route.then(self._landing(volume))
+        if not asked.question.mission.visits_targets:
+            route = route.then(self._landing(volume))
+        return route, _corners(np.concatenate([[asked.start_m], rest[0][1:]]))
 
     def _route_cost(
         self, position_m: FloatArray, duration_s: FloatArray, asked_s: float
@@ -333,7 +343,9 @@ class ContingencyPlanner:
             question = _Question(None, mission)
             route = self._routes.get(question)
             if route is not None:
-                route = self._straight(here_m, self._starts[question]).then(route)
+                start = self._paths[question][0]
+                start_m = (start.x_m, start.y_m, start.z_m)
+                route = self._straight(here_m, start_m).then(route)
             routes[mission] = route
         return routes
 
@@ -469,3 +481,15 @@ class ContingencyPlanner:
         out = {question.mission: self._routes[question] for question in behind}
         best = better_of(out, None)
         return None if best is None else out[best]
+
+
+def _corners(position_m: FloatArray) -> tuple[RoutePoint, ...]:
+    """The points (n, 3) of a route at which it begins, turns or ends."""
+    step_m = np.diff(position_m, axis=0)
+    length_m = np.sqrt((step_m**2).sum(axis=1))
+    moves = length_m > 0.0
+    points_m = np.concatenate([position_m[:1], position_m[1:][moves]])
+    direction = step_m[moves] / length_m[moves, None]
+    turns = np.sqrt((np.diff(direction, axis=0) ** 2).sum(axis=1)) > _TURN
+    kept = np.concatenate([[True], turns, [True]])[: len(points_m)]
+    return tuple(RoutePoint(x_m=x, y_m=y, z_m=z) for x, y, z in points_m[kept].tolist())

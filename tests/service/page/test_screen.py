@@ -171,6 +171,7 @@ def test_each_layer_of_the_plane_can_be_chosen(live):
     assert (paths("exit"), paths("evacuation"), paths("other")) == (1, 1, 0)
     assert live.locator(".plane .end").count() == 2
     live.get_by_label("Other risk levels").check()
+    live.locator(".plane path.line.other").first.wait_for(state="attached")
     assert paths("other") > 1
     live.get_by_label("Exit and evacuation").uncheck()
     assert paths("exit") == 0
@@ -306,16 +307,28 @@ def test_hold_is_offered_in_each_state(live, page, flight, state_in, name):
     assert live.get_by_role("button", name="Continue").is_enabled()
 
 
-def test_escapes_that_the_planner_no_longer_answers_are_not_shown(browser, page, flight, state_in):
+def test_paths_that_the_planner_no_longer_answers_are_not_shown(browser, page, flight, state_in):
     with opened(browser, f"http://{page.host}/#live", fault="503") as tab:
-        escapes = tab.locator(".plane path.exit")
-        escapes.first.wait_for(state="attached")
+        tab.get_by_label("Other risk levels").check()
+        others = tab.locator(".plane path.other")
+        others.first.wait_for(state="attached")
         tab.route("**/api/what-if", lambda route: route.fulfill(status=503, body="{}"))
         state = state_in("flying")
         with tab.expect_response("**/api/what-if"):
             flight.show(page, state | {"plan": state["plan"] | {"paths": 99}})
         answered(tab)
-        assert escapes.count() == 0
+        assert others.count() == 0
+
+
+def test_the_live_view_asks_for_no_plan_before_other_risk_levels_are_shown(browser, page):
+    asked = []
+    with opened(browser, f"http://{page.host}/#live") as tab:
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.reload()
+        tab.locator(".plane path.exit").first.wait_for(state="attached")
+        assert not [url for url in asked if "what-if" in url]
+        with tab.expect_response("**/api/what-if"):
+            tab.get_by_label("Other risk levels").check()
 
 
 def test_a_wrong_token_orders_nothing_and_is_said(browser, page, flight):

@@ -9,7 +9,7 @@ const RETRY_MS = 1000;
 const SILENT_S = 2;
 /** A connection that brings nothing for this time is made anew: the browser does not see that its network is gone. */
 const LOST_S = 6;
-const ESCAPES_PERIOD_MS = 3000;
+const OTHERS_PERIOD_MS = 3000;
 const APART_M = 0.1;
 /** Points of the flown path, as the service keeps them. */
 const MOST_FLOWN = 5000;
@@ -26,8 +26,8 @@ function withSeen(document, view) {
   return more.length ? { ...document, obstacles: [...document.obstacles, ...more] } : null;
 }
 
-/** A what-if request for the escapes and other risks from where the aircraft is. */
-export function escapesRequest(status, whatIf, view) {
+/** A what-if request for the mission under other risks, from where the aircraft is. */
+export function othersRequest(status, whatIf, view) {
   const { aircraft, mission, plan, risk, weights } = status;
   if (!aircraft?.position_m || !plan || !whatIf) return null;
   const request = {
@@ -56,7 +56,8 @@ export class LiveView {
     this.choice = h("label", { class: "choice" }, "Target to inspect ");
     this.view.below.append(this.orders);
     this.element = this.view.element;
-    this.escapes = new Newest((request) => post("api/what-if", request), (found) => this.view.setEscapes(found.alternatives), (error) => error.status === SUPERSEDED || this.view.setEscapes([]));
+    this.others = new Newest((request) => post("api/what-if", request), (found) => this.view.setOthers(found.alternatives), (error) => error.status === SUPERSEDED || this.view.setOthers([]));
+    this.view.levelsChanged = () => this.askOthers();
     this.makeOrders();
   }
 
@@ -65,13 +66,7 @@ export class LiveView {
     this.closed = false;
     this.received = performance.now();
     this.connect();
-    this.timers = [setInterval(() => this.askEscapes(), ESCAPES_PERIOD_MS), setInterval(() => this.watch(), RETRY_MS)];
-    // The first one loads the planner: what is live does not wait for it.
-    if (!this.page.what_if) return;
-    get("api/what-if").then((found) => {
-      this.whatIf = found;
-      this.askEscapes();
-    }, () => {});
+    this.timers = [setInterval(() => this.askOthers(), OTHERS_PERIOD_MS), setInterval(() => this.watch(), RETRY_MS)];
   }
 
   close() {
@@ -135,7 +130,7 @@ export class LiveView {
     this.planned = planned;
     this.view.setStatus(this.state, this.flown);
     this.moved(this.site, this.flown, position);
-    if (changed) this.askEscapes();
+    if (changed) this.askOthers();
     this.updateOrders();
   }
 
@@ -145,14 +140,16 @@ export class LiveView {
     this.view.setSite(view, this.page.vehicle);
     this.updateTargets();
     this.moved(view, this.flown, this.state.aircraft?.position_m);
-    this.askEscapes();
+    this.askOthers();
   }
 
-  askEscapes() {
-    if (!this.state?.mission || !this.site || document.hidden) return;
-    const request = escapesRequest(this.state, this.whatIf, this.site);
-    if (request) this.escapes.ask(request);
-    else this.view.setEscapes([]);
+  /** Asks for the other risk levels where they are shown: only then the page's process loads the planner. */
+  async askOthers() {
+    if (!this.view.show.levels || !this.page.what_if || !this.state?.mission || !this.site || document.hidden) return;
+    this.whatIf ??= await get("api/what-if").catch(() => null);
+    const request = othersRequest(this.state, this.whatIf, this.site);
+    if (request) this.others.ask(request);
+    else this.view.setOthers([]);
   }
 
   makeOrders() {

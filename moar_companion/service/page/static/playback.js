@@ -1,6 +1,6 @@
 // Recorded flights: a list, and a time line of one with its events.
 import { h, s, setAttribute, setText } from "./dom.js";
-import { escapesRequest } from "./live.js";
+import { othersRequest } from "./live.js";
 import { merged } from "./merge.js";
 import { authorization, confirmed, get, Newest, post } from "./server.js";
 import { StatusView } from "./status.js";
@@ -91,7 +91,7 @@ export class PlaybackView {
     this.message = h("p", { role: "status" });
     this.listElement = h("div", { class: "page" }, h("h1", {}, "Recordings"), this.message, h("section", { class: "card" }, this.list));
     this.element = h("div");
-    this.escapes = new Newest((request) => post("api/what-if", request), (found, _, newest) => newest && this.asked === this.now && this.view.setEscapes(found.alternatives), () => {});
+    this.others = new Newest((request) => post("api/what-if", request), (found, _, newest) => newest && this.asked === this.now && this.view.setOthers(found.alternatives), () => {});
   }
 
   async open(name) {
@@ -141,6 +141,7 @@ export class PlaybackView {
     this.frames = new Frames();
     this.now = 0;
     this.view = new StatusView();
+    this.view.levelsChanged = () => this.seek(this.now);
     this.stamp = h("p", { class: "stamp" }, "REPLAY");
     this.view.lead.prepend(this.stamp);
     this.buildTimeline();
@@ -153,9 +154,8 @@ export class PlaybackView {
     try {
       const summary = await get(`api/playback/${encoded}`);
       const site = await get(`api/playback/${encoded}/site`);
-      const whatIf = this.page.what_if ? await get("api/what-if").catch(() => null) : null;
       if (isLeft()) return;
-      Object.assign(this, { summary, site, whatIf });
+      Object.assign(this, { summary, site });
       this.view.setSite(site, this.page.vehicle);
       this.slider.max = String(summary.duration_s);
       await this.load(encoded, isLeft);
@@ -253,7 +253,7 @@ export class PlaybackView {
   seek(time) {
     if (!this.frames.frames.length) return;
     this.now = Math.min(Math.max(0, time), this.summary.duration_s);
-    if (this.asked !== this.now) this.view.escapes = [];
+    if (this.asked !== this.now) this.view.others = [];
     const index = this.frames.at(this.now);
     const state = this.frames.state(index);
     this.slider.value = String(this.now);
@@ -270,17 +270,22 @@ export class PlaybackView {
       this.view.setStatus(state, flown);
       this.opened?.(this.site, flown, state.aircraft?.position_m);
       clearTimeout(this.settling);
-      this.settling = setTimeout(() => {
-        const request = this.site && escapesRequest(state, this.whatIf, this.site);
-        this.asked = this.now;
-        if (request) this.escapes.ask(request);
-      }, SETTLED_MS);
+      this.settling = setTimeout(() => this.askOthers(state), SETTLED_MS);
     }
     let last = -1;
     for (const [row, event] of this.shownEvents.entries()) if (event.time_s <= this.now + ROUNDING_S) last = row;
     [...this.events.children].forEach((item, row) => setAttribute(item.firstChild, "aria-current", row === last ? "true" : null));
     const current = this.events.children[last];
     if (current) this.events.scrollTop = current.offsetTop - 40;
+  }
+
+  /** Asks for the other risk levels where they are shown: only then the server loads the planner. */
+  async askOthers(state) {
+    this.asked = this.now;
+    if (!this.view.show.levels || !this.page.what_if || !this.site) return;
+    this.whatIf ??= await get("api/what-if").catch(() => null);
+    const request = othersRequest(state, this.whatIf, this.site);
+    if (request) this.others.ask(request);
   }
 
   start() {

@@ -16,7 +16,9 @@ const RISKS = ["wind", "communication", "localization", "battery"];
 
 export class StatusView {
   constructor() {
-    this.escapes = [];
+    this.others = [];
+    /** Called when the other risk levels are to be shown, or no more. */
+    this.levelsChanged = () => {};
     this.plane = null;
     this.show = { escapes: true, levels: false, before: true };
     this.build();
@@ -33,6 +35,7 @@ export class StatusView {
     const check = (key, words) =>
       h("label", { class: "check" }, h("input", { type: "checkbox", checked: this.show[key], onchange: (event) => {
         this.show[key] = event.target.checked;
+        if (key === "levels") this.levelsChanged();
         this.update();
       } }), words);
     this.options = h(
@@ -85,7 +88,7 @@ export class StatusView {
     this.update();
   }
 
-  /** status: a state; flown: [[x, y, z]]; escapes: plans of what-if, by name. */
+  /** status: a state; flown: [[x, y, z]]. */
   setStatus(status, flown) {
     // A telemetry log has no conditions, and at first no place.
     this.conditionsKnown = Boolean(status.supervision);
@@ -94,8 +97,9 @@ export class StatusView {
     this.update();
   }
 
-  setEscapes(escapes) {
-    this.escapes = escapes;
+  /** others: the mission under other risks, by what-if. */
+  setOthers(others) {
+    this.others = others.filter((item) => item.mission !== item.name);
     this.update();
   }
 
@@ -140,12 +144,13 @@ export class StatusView {
   }
 
   updatePlane() {
-    const { plan, before, aircraft, path, mission, perception } = this.status;
+    const { plan, before, aircraft, path, mission, perception, energy } = this.status;
     const paths = [];
     const { levels, escapes, before: ghost } = this.show;
-    for (const item of this.escapes) {
-      const escape = item.mission === item.name;
-      if (escape ? escapes : levels) paths.push({ points: item.path, kind: escape ? item.name : "other" });
+    if (levels) for (const item of this.others) paths.push({ points: item.path, kind: "other" });
+    for (const kind of ["exit", "evacuation"]) {
+      const route = energy?.[kind]?.path;
+      if (escapes && route?.length && mission.mission !== kind) paths.push({ points: points(route), kind });
     }
     if (ghost && before?.path) paths.push({ points: points(before.path), kind: "ghost" });
     if (plan?.path && mission.state !== "idle") paths.push({ points: points(plan.path), kind: "path", left_m: path?.left_m });
