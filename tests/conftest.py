@@ -26,6 +26,7 @@ settings.load_profile("repeatable")
 
 _EVERY_CASE = {
     "component",
+    "inspection",
     "mavlink",
     "mqtt",
     "planning",
@@ -105,6 +106,15 @@ _COUNTED_TOO = {
     "scenarios/test_shut_down.py",
 }
 """Their first cases reach branches that no test of a package reaches."""
+_SLOW_TOO = {
+    "commands/test_plan_tour.py",
+    "companion/test_visits.py",
+    "contingency/test_contingency_planner.py",
+    "flights/test_inspection.py",
+    "recordings/test_recordings.py",
+    "scenarios/test_parameters_in_flight.py",
+}
+"""So do the first cases of their slow tests."""
 _counted = set()
 
 
@@ -120,12 +130,13 @@ def _import_counted_modules():
 def _is_counted(item):
     folder, name = item.path.parts[-2:]
     file = f"{folder}/{name}"
-    marked = item.get_closest_marker("slow") or item.get_closest_marker("uncounted")
-    if file in _UNCOUNTED or marked:
+    is_slow = item.get_closest_marker("slow") and file not in _SLOW_TOO
+    if file in _UNCOUNTED or is_slow or item.get_closest_marker("uncounted"):
         return False
     first = item.function not in _counted
     _counted.add(item.function)
-    return folder in _EVERY_CASE or (first and (folder in _FIRST_CASES or file in _COUNTED_TOO))
+    others = _COUNTED_TOO | _SLOW_TOO
+    return folder in _EVERY_CASE or (first and (folder in _FIRST_CASES or file in others))
 
 
 def pytest_collection_finish(session):

@@ -89,27 +89,43 @@ def replace_together(contents: Mapping[Path, str]) -> None:
     Until then the old files stay, after an interrupt or the end of the terminal, too.
     """
     parts: dict[Path, Path] = {}
-    signals = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    with _signals_later():
+        try:
+            for path, text in contents.items():
+                real = _real(str(path))
+                part = real.with_name(f".moar-companion-{os.urandom(8).hex()}.part")
+                parts[part] = real
+                with part.open("x", encoding="utf-8") as stream:
+                    stream.write(text)
+                    stream.flush()
+                    os.fsync(stream.fileno())
+                    os.fchmod(stream.fileno(), _mode(real))
+                    with suppress(OSError):  # the service's group may read a file that root wrote
+                        old = real.stat()
+                        os.fchown(stream.fileno(), old.st_uid, old.st_gid)
+            for part, real in parts.items():
+                part.replace(real)
+        finally:
+            for part in parts:
+                part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _signals_later() -> Iterator[None]:
+    """Context after which an interrupt, SIGTERM or the terminal's end acts that came in it.
+
+    By handlers: a mask of this thread alone would leave the signals to the other threads.
+    """
+    arrived: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, lambda it, _: arrived.append(it)) for number in numbers}
     try:
-        for path, text in contents.items():
-            real = _real(str(path))
-            part = real.with_name(f".moar-companion-{os.urandom(8).hex()}.part")
-            parts[part] = real
-            with part.open("x", encoding="utf-8") as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-                os.fchmod(stream.fileno(), _mode(real))
-                with suppress(OSError):  # the service's group may read a file that root wrote
-                    old = real.stat()
-                    os.fchown(stream.fileno(), old.st_uid, old.st_gid)
-        for part, real in parts.items():
-            part.replace(real)
+        yield
     finally:
-        for part in parts:
-            part.unlink(missing_ok=True)
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in dict.fromkeys(arrived):
+            signal.raise_signal(number)
 
 
 @contextmanager
