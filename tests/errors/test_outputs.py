@@ -111,7 +111,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_service(tmp_path, unused_udp
             }
         )
     )
-    with program(["--config", config], file_bytes=100, stdout=subprocess.DEVNULL) as process:
+    with program(["--config", config], file_bytes=200, stdout=subprocess.DEVNULL) as process:
         recording, link, warning = itertools.islice(process.stderr, 3)
         process.terminate()
         _, rest = process.communicate()
