@@ -108,10 +108,15 @@ _COUNTED_TOO = {
 """Their first cases reach branches that no test of a package reaches."""
 _SLOW_TOO = {
     "commands/test_plan_tour.py",
+    "commands/test_site_new.py",
+    "companion/test_by_the_line.py",
     "companion/test_visits.py",
     "contingency/test_contingency_planner.py",
     "flights/test_inspection.py",
+    "perception/test_line_offset.py",
+    "planner/test_whole_front.py",
     "recordings/test_recordings.py",
+    "replay/test_exact.py",
     "scenarios/test_parameters_in_flight.py",
 }
 """So do the first cases of their slow tests."""

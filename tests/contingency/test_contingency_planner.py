@@ -116,7 +116,7 @@ def test_the_mission_with_its_escape_route_becomes_shorter_in_flight():
     assert forecast(desk).finish is None
     desk.order(EXIT).run_until("flying", 2.0)
     desk.run(0.3)
-    assert forecast(desk).finish == forecast(desk).exit
+    assert forecast(desk).finish == replace(forecast(desk).exit, path=())
     assert forecast(desk).better is Mission.EXIT
     desk.run_until("holding", 120.0)
     # The landing is left.
