@@ -29,6 +29,7 @@ _EVERY_CASE = {
     "inspection",
     "mavlink",
     "mqtt",
+    "planner/test_site.py",
     "planning",
     "preflight",
     "recording",
@@ -141,7 +142,9 @@ def _is_counted(item):
     first = item.function not in _counted
     _counted.add(item.function)
     others = _COUNTED_TOO | _SLOW_TOO
-    return folder in _EVERY_CASE or (first and (folder in _FIRST_CASES or file in others))
+    return bool({folder, file} & _EVERY_CASE) or (
+        first and (folder in _FIRST_CASES or file in others)
+    )
 
 
 def pytest_collection_finish(session):
