@@ -16,7 +16,7 @@ from sitl.lidar_scene import LidarMount, PlacedScene
 
 
 class Posed(Protocol):
-    """Fields of a true state that the lidar needs."""
+    """Fields of a true state that the lidar needs, and the payload."""
 
     @property
     def time_s(self) -> float:

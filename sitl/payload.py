@@ -22,6 +22,7 @@ import numpy as np
 from pymavlink.dialects.v20 import all as mavlink
 
 from sitl.geodesy import Geodetic, TrueFrame
+from sitl.lidar_carrier import Posed
 from sitl.picture import CameraPose, FloatArray, Lens, PictureScene, Sighting, seen
 
 CAMERA, GIMBAL = mavlink.MAV_COMP_ID_CAMERA, mavlink.MAV_COMP_ID_GIMBAL
@@ -35,28 +36,8 @@ _RESIDUAL: Final = 0.02
 """Part of the aircraft's rotation that a gimbal leaves."""
 
 
-class Moving(Protocol):
+class Moving(Posed, Protocol):
     """Fields of a true state that the payload needs."""
-
-    @property
-    def time_s(self) -> float:
-        """Simulated time."""
-
-    @property
-    def latitude_deg(self) -> float:
-        """WGS84."""
-
-    @property
-    def longitude_deg(self) -> float:
-        """WGS84."""
-
-    @property
-    def altitude_amsl_m(self) -> float:
-        """Altitude above the sea."""
-
-    @property
-    def attitude_rad(self) -> tuple[float, float, float]:
-        """Roll, pitch, yaw."""
 
     @property
     def velocity_ned_mps(self) -> tuple[float, float, float]:
